@@ -1,0 +1,51 @@
+// Scalar grids as fields: padded bricks of spline coefficients behind an index table (design 9, pocl.md).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/field/field.h"
+
+namespace isoskin {
+
+enum class Interpolation : std::uint8_t { linear, cubic };
+
+/// A sparse scalar grid in index space: 8^3-voxel bricks. World position of voxel (i,j,k) is origin + h * (i,j,k).
+/// Each brick stores taps -1..9 on each axis: 11^3 floats, index (x * 11 + y) * 11 + z. With cubic interpolation taps are
+/// B-spline coefficients solved so that the spline passes through the voxel values; with linear they are the values.
+struct BrickGrid {
+  static constexpr int kBrick = 8;
+  static constexpr int kTaps = 11;
+  static constexpr int kTapValues = kTaps * kTaps * kTaps;
+
+  DVec3 origin{0.0};
+  double h = 1.0;
+  Interpolation interpolation = Interpolation::cubic;
+  IVec3 table_low{0};            // brick coordinate (voxel / 8, rounded down) of table entry 0
+  IVec3 table_size{0};
+  std::vector<std::int32_t> table;     // >= 0: brick; < 0: constant[-1 - entry]; z fastest
+  std::vector<float> constant;         // F in blocks that hold one value (outside, inside)
+  float outside = 0.0f;                // F beyond the table
+  std::vector<IVec3> brick_coordinate; // one a brick
+  std::vector<float> tap;              // kTapValues a brick
+};
+
+/// F on a BrickGrid; `positive inside` has been arranged by the loader (F = iso - value for level sets, value - iso else).
+class GridField final : public Field {
+public:
+  explicit GridField(std::shared_ptr<const BrickGrid> grid);
+
+  FieldSample sample(const DVec3& p) const override;
+  DMat3 hessian(const DVec3& p) const override;
+  Box bounds() const override;
+  Interval range(const Box& box) const override;
+  double resolution() const override { return grid_->h; }
+  bool is_c2() const override { return grid_->interpolation == Interpolation::cubic; }
+
+  const std::shared_ptr<const BrickGrid>& grid() const { return grid_; }
+
+private:
+  std::shared_ptr<const BrickGrid> grid_;
+};
+
+}  // namespace isoskin

@@ -1,0 +1,45 @@
+// Skeleton implicit surfaces: F(p) = sum_i weight_i * potential_i(distance_i(p)) - iso (design 9).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/field/field.h"
+
+namespace isoskin {
+
+/// Potentials of the distance d to the element, with its radius R:
+///   inverse_square R^2/d^2;  cauchy R/(1+d^2);  metaball (1-d^2/R^2)^3 for d<R else 0;  blinn exp(-d^2/R^2) ;
+///   wyvill 1 - 4/9 q^3 + 17/9 q^2 - 22/9 q with q = d^2/R^2, for d<R else 0.
+enum class Potential : std::uint8_t { inverse_square, cauchy, metaball, blinn, wyvill };
+
+/// A point (a == b) or a segment a-b; distance is that of p to the element in the p-norm `norm`
+/// (segment: the Euclidean-nearest point of the segment, then the p-norm of the difference).
+struct SkeletonElement {
+  DVec3 a{0.0}, b{0.0};
+  double radius = 1.0;
+  double weight = 1.0;
+  double norm = 2.0;  // any p > 0
+  Potential potential = Potential::metaball;
+};
+
+class SkeletonField final : public Field {
+public:
+  /// Throws InputError for non-finite numbers, radius <= 0, norm <= 0.
+  SkeletonField(std::vector<SkeletonElement> elements, double iso);
+
+  FieldSample sample(const DVec3& p) const override;
+  DMat3 hessian(const DVec3& p) const override;
+  Box bounds() const override;
+  Interval range(const Box& box) const override;
+  bool is_c2() const override;
+
+  const std::vector<SkeletonElement>& elements() const { return elements_; }
+  double iso() const { return iso_; }
+
+private:
+  std::vector<SkeletonElement> elements_;
+  double iso_ = 0.0;
+};
+
+}  // namespace isoskin

@@ -1,0 +1,33 @@
+// Keeps edges near the wanted length: parallel split, collapse and flip with locks (design 4, 5; Bouthors-Nesme 2.5).
+#pragma once
+
+#include <cstddef>
+
+#include "core/backend.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+struct AlterOptions {
+  float edge_length = 1.0f;   // e, world units
+  float shortest = 0.6f;      // e_min: collapse below this times e, unless being stretched
+  float longest = 1.5f;       // e_max: split above this times e, unless being compressed
+  float rate = 0.1f;          // eps_e: an edge is being stretched (compressed) when it changes by more than this times e a frame
+  float dt = 0.04f;           // seconds a frame, to turn the velocity column into a change of length
+  bool respect_locks = true;  // vertices of age 0 are left alone
+  bool flip = true;           // Delaunay flips where normals allow
+  float max_flip_turn = 30;   // degrees: no flip across a sharper crease, none that turns a triangle's normal further
+  float max_collapse_turn = 60;  // degrees a surviving triangle's normal may turn in a collapse
+};
+
+struct AlterReport {
+  std::size_t splits = 0, collapses = 0, flips = 0;
+};
+
+/// One pass of splits, collapses and flips, each on an independent set chosen by geometry and ids alone; the result does
+/// not depend on the number of threads. Vertices touched get age 0. Keeps a closed, oriented 2-manifold; refuses a
+/// collapse that breaks the link condition or inverts a triangle, and the split of an inverted triangle's edge
+/// (`inverted`: one byte a triangle, may be empty).
+AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {});
+
+}  // namespace isoskin

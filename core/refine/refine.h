@@ -1,0 +1,40 @@
+// The geometric mesh: the mechanical mesh subdivided where normals turn (design 7; Bouthors-Nesme 3).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "core/backend.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+struct RefineOptions {
+  float angle = 18.0f;  // alpha_r, degrees: split where normals differ by more
+  int passes = 4;       // N_p, at most
+  float shortest = 0.0f;  // no edge shorter than this is split, world units
+};
+
+struct RefineReport {
+  int passes = 0;
+  std::size_t triangles = 0;
+  std::size_t new_vertices = 0;
+  std::size_t quasi_critical = 0;  // new points that stayed on their edge because projection failed
+};
+
+/// vertices [0, mechanical vertex count) are the mechanical vertices, in order. Every vertex knows the mechanical
+/// triangle it lies in and its weights there (a corner: weight 1), so attributes carry through. mesh.vertices.rest and
+/// .velocity are interpolated; ids of new vertices are fresh but not persistent (from mesh.next_id on).
+struct GeometricMesh {
+  TriangleMesh mesh;
+  std::vector<Vec3> normal;            // outward unit field normals, one a vertex
+  std::vector<Index> parent_triangle;  // per geometric triangle: the mechanical triangle it came from
+  std::vector<std::array<Index, 2>> parent_edge;  // per vertex: the two vertices (of this mesh) whose midpoint it was; itself twice for a mechanical vertex
+};
+
+/// Marks, splits 1-to-2, 1-to-3 (the diagonal that follows lower curvature) and 1-to-4, projects; no T-vertices. A new
+/// point that would fold a triangle over (normal against the field's at all corners) stays on its edge.
+GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
+                     const ProjectOptions& project, RefineReport* report = nullptr);
+
+}  // namespace isoskin

@@ -1,0 +1,3 @@
+#include "kernels/opencl_backend.h"
+
+namespace isoskin {}

@@ -1,0 +1,32 @@
+// The OpenCL backend: the kernels of this folder behind core's batch interface (design 2).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/backend.h"
+
+namespace isoskin {
+
+struct DeviceInfo {
+  int index = 0;  // what --device takes
+  std::string platform, name, version, driver;
+  bool cpu = false;          // shares memory with the host: buffers are mapped, never copied
+  unsigned compute_units = 0;
+  std::size_t global_bytes = 0;
+};
+
+/// All OpenCL devices of all platforms, in a fixed order. Empty when there is none; never throws for that.
+std::vector<DeviceInfo> list_devices();
+
+struct OpenClOptions {
+  int device = -1;       // index in list_devices(); -1: the first GPU, else the first device
+  bool trace = false;    // profile every kernel and transfer (see core/trace.h)
+};
+
+/// Throws InputError when there is no such device ("no OpenCL device: install pocl-opencl-icd ..."), and
+/// std::runtime_error with the build log when a program does not build. Compiled programs are cached.
+std::unique_ptr<Backend> make_opencl_backend(const OpenClOptions& options = {});
+
+}  // namespace isoskin

@@ -1,0 +1,2 @@
+// Placeholder until the rasterizer lands.
+namespace isoskin {}
