@@ -2,10 +2,9 @@
 #pragma once
 
 #include <array>
-#include <functional>
-#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/backend.h"
@@ -16,26 +15,31 @@
 namespace isoskin {
 
 struct TrackOptions {
-  double edge_length = 0.0;     // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
-  double lattice_spacing = 0.0; // s of the certificate; 0: half a voxel, or e / 2
-  RefineOptions refine;         // alpha_r and N_p of the geometric mesh
-  AlterOptions alter;           // edge_length and dt are filled in
-  RelaxOptions relax;           // edge_length is filled in
-  ProjectOptions project;       // tolerance and max_step are filled in from e
-  int settle_rounds = 12;       // alter + relax rounds a freshly extracted surface gets
-  int rounds = 2;               // alter + relax rounds of an ordinary frame
-  bool validate = false;        // check the manifold after every frame (always on in debug builds)
+  double edge_length = 0.0;      // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
+  double lattice_spacing = 0.0;  // s of the certificate; 0: half a voxel, or e / 2
+  double tolerance = 0.0;        // lattice corners farther than this from the surface must be on the right side; 0: one voxel, or e / 2
+  int rounds = 2;                // alter + relax rounds of a frame
+  bool validate = false;         // check the manifold after every frame (always on in debug builds)
+  AlterOptions alter;            // edge_length and dt are filled in by resolved() and advance()
+  RelaxOptions relax;            // edge_length is filled in
+  ProjectOptions project;        // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;          // how a freshly extracted surface becomes near-equilateral
+  RefineOptions refine;          // alpha_r and N_p of the geometric mesh
 };
+
+/// Fills in every length that is 0 from the first frame's field. Throws InputError for a NaN, negative or absurd edge
+/// length (under a hundredth of a voxel or of a thousandth of the surface's diagonal, or over the diagonal).
+TrackOptions resolved(TrackOptions options, const Field& first);
 
 /// One topology event or repair, a line of ledger.jsonl.
 struct LedgerEntry {
   int frame = 0;
   double time = 0.0;
-  std::string kind;  // "missing", "euler", ... the fault that was repaired
+  std::string kind;  // the fault that was repaired: "missing", "euler", ... (core/topology/certificate.h)
   int tier = 3;
-  DVec3 position{0.0};
-  std::size_t vertices = 0;
-  double ms = 0.0;
+  DVec3 position{0.0};       // centre of the piece concerned
+  std::size_t vertices = 0;  // mesh vertices of the piece that was removed, 0 where there was none
+  double ms = 0.0;           // of the whole repair, shared by all entries it made
 };
 
 /// What happened in one frame, a line of report.jsonl (design 10).
@@ -43,40 +47,45 @@ struct FrameReport {
   int frame = 0;
   double time = 0.0;
   std::size_t mechanical_triangles = 0, geometric_triangles = 0;
-  double survived = 1.0;                        // share of the last frame's vertices whose ids are still there
-  std::array<double, 3> reextracted{0, 0, 0};   // share of area by tier 1, 2, 3
+  double survived = 1.0;                       // share of the last frame's vertices whose ids are still there
+  std::array<double, 3> reextracted{0, 0, 0};  // share of the area by tier 1, 2, 3
   std::size_t events = 0, repairs = 0;
-  bool certified = false;
-  std::string certificate;                      // one line when not certified at once
+  bool certified = false;              // at the end of the frame
+  std::string certificate;             // one line, of the mesh before repairs
   ShapeStatistics mechanical, geometric;
-  std::size_t inverted = 0, quasi_critical = 0;
-  std::size_t peak_bytes = 0;
-  std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order, plus certify and total
+  std::size_t inverted = 0, quasi_critical = 0;  // mechanical triangles and vertices at the end of the frame
+  std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order
 };
 
 /// Keeps the mechanical mesh on the field from frame to frame. Not thread safe; parallel inside.
 class Tracker {
 public:
-  Tracker(std::unique_ptr<Backend> backend, TrackOptions options);
-  ~Tracker();
+  /// `options` must be resolved().
+  Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options);
 
-  /// Advances to the next frame (the first call extracts the surface).
+  /// Advances to the next frame; the first one extracts the surface. Throws std::logic_error when options.validate finds
+  /// a fault (a bug of isoskin).
   FrameReport advance(const FieldFrame& frame);
-  /// Goes on from a mesh read back from disk (--resume): the next advance() behaves as if this tracker had made it.
-  void resume(TriangleMesh mechanical, const FieldFrame& frame);
+
+  /// Goes on from the mechanical mesh of the frame before (--resume): all state a frame hands to the next is in it.
+  void resume(TriangleMesh mechanical, double time);
 
   const TriangleMesh& mechanical() const { return mesh_; }
   const std::vector<Vec3>& mechanical_normals() const { return normals_; }
   const GeometricMesh& geometric() const { return geometric_; }
   const std::vector<LedgerEntry>& ledger() const { return ledger_; }  // of the last frame
-  double edge_length() const { return edge_length_; }
-  Backend& backend() { return *backend_; }
+  const TrackOptions& options() const { return options_; }
 
 private:
+  void predict(const FieldFrame& frame);
+  void relax(FrameReport& report);
+  void handle_events(const FieldFrame& frame, FrameReport& report);
+  void refine();
+
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;
-  double edge_length_ = 0.0;
-  double spacing_ = 0.0;
+  double time_ = 0.0;    // of the last frame
+  bool started_ = false;
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;
   GeometricMesh geometric_;
