@@ -4,13 +4,16 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/field/field.h"
+
 namespace isoskin {
 
 struct ProjectOptions {
-  float tolerance = 1e-4f;   // converged when |F| <= tolerance * |grad F|; a length, world units (default of a run: 1e-4 e)
-  float max_step = 0.5f;     // longest Newton step, world units (default of a run: e / 2)
-  int max_newton = 16;       // Newton steps before giving up
-  int max_bisection = 24;    // halvings once two steps straddle the surface
+  float tolerance =
+      1e-4f;  // converged when |F| <= tolerance * |grad F|; a length, world units (default of a run: 1e-4 e)
+  float max_step = 0.5f;   // longest Newton step, world units (default of a run: e / 2)
+  int max_newton = 16;     // Newton steps before giving up
+  int max_bisection = 24;  // evaluations once two steps straddle the surface
 };
 
 /// How a point ended.
@@ -23,5 +26,18 @@ struct ProjectReport {
   std::size_t points = 0;
   std::size_t quasi_critical = 0;
 };
+
+/// A projected point; `point` is the input where the status is quasi_critical.
+struct Projection {
+  DVec3 point{0.0};
+  ProjectStatus status = ProjectStatus::quasi_critical;
+};
+
+/// Float64 definition of one projection. Newton steps p <- p - F grad F / |grad F|^2, each clamped to max_step, until
+/// |F| <= tolerance |grad F|. When two consecutive iterates have F of opposite sign, the segment between them is
+/// searched instead by regula falsi, with a bisection after every try that did not halve it; it ends as above, or once
+/// the segment is no longer than the tolerance. A point, value or gradient that is not finite, a zero gradient, or an
+/// exhausted count ends quasi_critical.
+Projection project_point(const Field& field, const DVec3& point, const ProjectOptions& options);
 
 }  // namespace isoskin
