@@ -28,9 +28,12 @@ public:
   virtual void set_field(std::shared_ptr<const Field> field) = 0;
 
   /// F (and grad F unless `gradients` is empty) at `points`. values.size() == points.size(); gradients the same or 0.
+  /// At a point that is not finite the field is not asked: value NaN, gradient zero. Larger values than float32 holds
+  /// are clamped to it. Like every method below: std::invalid_argument for spans of another size or without a field.
   virtual void evaluate(std::span<const Vec3> points, std::span<float> values, std::span<Vec3> gradients) = 0;
 
-  /// Second derivatives, 6 floats a point: xx yy zz xy xz yz. hessians.size() == 6 * points.size().
+  /// Second derivatives, 6 floats a point: xx yy zz xy xz yz; zero at a point that is not finite. hessians.size() == 6
+  /// * points.size().
   virtual void evaluate_hessian(std::span<const Vec3> points, std::span<float> hessians) = 0;
 
   /// Moves each point onto F = 0 in place; those that fail stay. status.size() == points.size() (or 0: not wanted).
