@@ -1,0 +1,348 @@
+#include "core/field/skeleton_field.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace isoskin {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Inverse square is constant nearer than this share of the radius: F stays finite (at most 1e12 times the weight).
+constexpr double kSingularity = 1e-6;
+// A p-norm's derivatives are taken as if no coordinate were smaller than this share of the distance: for p < 2 they
+// have no bound on the coordinate planes.
+constexpr double kLeastShare = 1e-6;
+// Farther than this every potential is zero; its square would leave the range of a double.
+constexpr double kFar = 1e100;
+constexpr double kRounding = 1e-14;  // relative error of one element's term, with room to spare
+
+struct Profile {  // a potential and its derivatives by s = d^2
+  double value = 0.0, first = 0.0, second = 0.0;
+};
+
+Profile profile(const SkeletonElement& e, double s) {
+  if (!(s < kFar * kFar)) return {};
+  const double r2 = e.radius * e.radius;
+  const double q = s / r2;
+  switch (e.potential) {
+    case Potential::inverse_square:
+      if (q < kSingularity * kSingularity) return {1.0 / (kSingularity * kSingularity), 0.0, 0.0};
+      return {1.0 / q, -1.0 / (q * s), 2.0 / (q * s * s)};
+    case Potential::cauchy: {
+      const double c = 1.0 / (1.0 + s);
+      return {e.radius * c, -e.radius * c * c, 2.0 * e.radius * c * c * c};
+    }
+    case Potential::metaball: {
+      if (q >= 1.0) return {};
+      const double c = 1.0 - q;
+      return {c * c * c, -3.0 * c * c / r2, 6.0 * c / (r2 * r2)};
+    }
+    case Potential::blinn: {
+      const double c = std::exp(-q);
+      return {c, -c / r2, c / (r2 * r2)};
+    }
+    case Potential::wyvill:
+      if (q >= 1.0) return {};
+      return {1.0 + q * (-22.0 + q * (17.0 - 4.0 * q)) / 9.0, (-22.0 + q * (34.0 - 12.0 * q)) / (9.0 * r2),
+              (34.0 - 24.0 * q) / (9.0 * r2 * r2)};
+  }
+  return {};
+}
+
+bool is_compact(Potential potential) {
+  return potential == Potential::metaball || potential == Potential::wyvill;
+}
+
+bool is_point(const SkeletonElement& e) {
+  return e.a == e.b;
+}
+
+double norm_of(const DVec3& x, double p) {
+  if (p == 2.0) return glm::length(x);
+  const DVec3 size = glm::abs(x);
+  const double most = std::max({size.x, size.y, size.z});
+  if (!(most > 0.0) || most > kFar) return most;
+  const DVec3 u = size / most;
+  return most * std::pow(std::pow(u.x, p) + std::pow(u.y, p) + std::pow(u.z, p), 1.0 / p);
+}
+
+struct Offset {  // p minus the element's nearest point
+  DVec3 x{0.0};
+  DVec3 slide{0.0};  // unit direction along which that point follows p; zero at ends and for points
+};
+
+Offset offset_from(const SkeletonElement& e, const DVec3& p) {
+  const DVec3 ab = e.b - e.a;
+  const double length2 = glm::dot(ab, ab);
+  if (!(length2 > 0.0)) return {p - e.a};
+  const double t = glm::dot(p - e.a, ab) / length2;
+  if (t <= 0.0) return {p - e.a};
+  if (t >= 1.0) return {p - e.b};
+  const DVec3 along = ab / std::sqrt(length2);
+  const DVec3 x = p - e.a;
+  return {x - glm::dot(x, along) * along, along};
+}
+
+struct NormShape {  // s = d^2 and what its derivatives by x are made of
+  double s = 0.0;
+  DVec3 w{0.0};         // d grad d = grad s / 2
+  DVec3 v{0.0};         // grad d
+  DVec3 diagonal{0.0};  // (|x_i| / d)^(p-2)
+};
+
+NormShape norm_shape(const DVec3& x, double p) {
+  if (p == 2.0) return {glm::dot(x, x), x, DVec3(0.0), DVec3(1.0)};
+  NormShape n;
+  const double d = norm_of(x, p);
+  n.s = d * d;
+  if (!(d > 0.0) || d > kFar) return n;
+  for (int i = 0; i < 3; ++i) {
+    const double share = std::max(std::abs(x[i]) / d, kLeastShare);
+    n.diagonal[i] = std::pow(share, p - 2.0);
+    n.v[i] = x[i] == 0.0 ? 0.0 : std::copysign(n.diagonal[i] * share, x[i]);
+  }
+  n.w = d * n.v;
+  return n;
+}
+
+DVec3 across(const DVec3& g, const DVec3& slide) {
+  return g - glm::dot(g, slide) * slide;
+}
+
+FieldSample element_sample(const SkeletonElement& e, const DVec3& p) {
+  const Offset offset = offset_from(e, p);
+  const NormShape n = norm_shape(offset.x, e.norm);
+  const Profile f = profile(e, n.s);
+  if (f.first == 0.0) return {e.weight * f.value, DVec3(0.0)};
+  return {e.weight * f.value, across((2.0 * e.weight * f.first) * n.w, offset.slide)};
+}
+
+DMat3 element_hessian(const SkeletonElement& e, const DVec3& p) {
+  const Offset offset = offset_from(e, p);
+  const NormShape n = norm_shape(offset.x, e.norm);
+  const Profile f = profile(e, n.s);
+  if (f.first == 0.0 && f.second == 0.0) return DMat3(0.0);
+  DMat3 bend = (2.0 - e.norm) * glm::outerProduct(n.v, n.v);
+  for (int i = 0; i < 3; ++i) bend[i][i] += (e.norm - 1.0) * n.diagonal[i];
+  const DMat3 h = 4.0 * f.second * glm::outerProduct(n.w, n.w) + 2.0 * f.first * bend;
+  const DMat3 keep = DMat3(1.0) - glm::outerProduct(offset.slide, offset.slide);
+  return e.weight * (keep * h * keep);
+}
+
+// Least distance (Euclidean) between the box and the segment a-b: the squared distance is convex along the segment,
+// with a piecewise linear slope that breaks where the segment meets a slab.
+double distance_to_box(const SkeletonElement& e, const Box& box) {
+  const DVec3 ab = e.b - e.a;
+  const auto gap = [&](double t) {
+    const DVec3 c = e.a + t * ab;
+    return glm::max(c - box.high, DVec3(0.0)) - glm::max(box.low - c, DVec3(0.0));
+  };
+  const auto slope = [&](double t) { return glm::dot(gap(t), ab); };
+  std::array<double, 8> knot{0.0, 1.0};
+  for (int i = 0; i < 3; ++i) {
+    const double low = (box.low[i] - e.a[i]) / ab[i], high = (box.high[i] - e.a[i]) / ab[i];
+    knot[2 + 2 * i] = low > 0.0 && low < 1.0 ? low : 0.0;
+    knot[3 + 2 * i] = high > 0.0 && high < 1.0 ? high : 0.0;
+  }
+  std::sort(knot.begin(), knot.end());
+  std::size_t after = 1;
+  while (after + 1 < knot.size() && slope(knot[after]) < 0.0) ++after;
+  const double t0 = knot[after - 1], t1 = knot[after];
+  const double s0 = slope(t0), s1 = slope(t1);
+  const double t = s0 >= 0.0 ? t0 : s1 <= 0.0 ? t1 : t0 + (t1 - t0) * s0 / (s0 - s1);
+  return glm::length(gap(t));
+}
+
+Interval norm_interval(const DVec3& low, const DVec3& high, double p) {
+  DVec3 nearest(0.0), farthest(0.0);
+  for (int i = 0; i < 3; ++i) {
+    nearest[i] = std::max({low[i], -high[i], 0.0});
+    farthest[i] = std::max(std::abs(low[i]), std::abs(high[i]));
+  }
+  return {norm_of(nearest, p), norm_of(farthest, p)};
+}
+
+Interval segment_distance(const SkeletonElement& e, const Box& box) {
+  Interval euclidean{distance_to_box(e, box), 0.0};
+  for (int corner = 0; corner < 8; ++corner) {  // the distance to a convex set is convex: its maximum is at a corner
+    const DVec3 p(corner & 1 ? box.high.x : box.low.x, corner & 2 ? box.high.y : box.low.y,
+                  corner & 4 ? box.high.z : box.low.z);
+    const double d = glm::length(offset_from(e, p).x);
+    euclidean.high = std::max(euclidean.high, std::isfinite(d) ? d : kInfinity);
+  }
+  if (e.norm == 2.0) return euclidean;
+  const double ratio = std::pow(3.0, 1.0 / e.norm - 0.5);  // p-norm of the diagonal over its Euclidean length
+  Interval d{euclidean.low * std::min(ratio, 1.0), euclidean.high * std::max(ratio, 1.0)};
+  const double half = 0.5 * box.diagonal();
+  if (std::isfinite(half)) {  // p minus its nearest point moves no faster than p
+    const DVec3 x = offset_from(e, box.center()).x;
+    const Interval local = norm_interval(x - half, x + half, e.norm);
+    d = {std::max(d.low, local.low), std::min(d.high, local.high)};
+  }
+  return d;
+}
+
+// Bounds of the element's distance over the box, widened by what rounding may take.
+Interval distance_interval(const SkeletonElement& e, const Box& box) {
+  const Interval d = is_point(e) ? norm_interval(box.low - e.a, box.high - e.a, e.norm) : segment_distance(e, box);
+  constexpr double kRelative = 1e-13;
+  const double absolute =
+      kRelative * std::max({glm::length(e.a), glm::length(e.b), std::isfinite(d.low) ? d.low : 0.0});
+  return {std::max(0.0, d.low - absolute), d.high + absolute + kRelative * d.high};
+}
+
+bool may_be_zero(const Interval& range) {
+  return range.low <= 0.0 && range.high >= 0.0;
+}
+
+// How far the surface may reach beyond `from` in direction `side` of `axis`: grows until the half space beyond has
+// none.
+double reach(const Field& field, int axis, int side, double from, double size) {
+  const auto free_beyond = [&](double distance) {
+    Box beyond{DVec3(-kInfinity), DVec3(kInfinity)};
+    (side > 0 ? beyond.low : beyond.high)[axis] = from + side * distance;
+    return !may_be_zero(field.range(beyond));
+  };
+  constexpr int kDoublings = 10;  // a surface that reaches beyond 1000 times the skeleton is cut off there
+  double outside = 0.0, inside = 0.0, step = size;
+  while (!free_beyond(outside)) {
+    inside = outside;
+    outside += step;
+    step *= 2.0;
+    if (step > size * (1 << kDoublings)) return from + side * outside;
+  }
+  constexpr int kHalvings = 8;
+  for (int i = 0; i < kHalvings && inside < outside; ++i) {
+    const double middle = 0.5 * (inside + outside);
+    (free_beyond(middle) ? outside : inside) = middle;
+  }
+  return from + side * outside;
+}
+
+// Branch and bound: the coordinate farthest to `side` of `axis` of the cells of `box` that may hold surface. `best` is
+// what has been found so far; cells that cannot beat it are passed over.
+void farthest(const Field& field, const Box& box, int axis, int side, int depth, double& best) {
+  const double end = side * (side > 0 ? box.high : box.low)[axis];
+  if (end <= best || !may_be_zero(field.range(box))) return;
+  if (depth == 0) {
+    best = end;
+    return;
+  }
+  const DVec3 c = box.center();
+  for (const bool far_half : {true, false}) {
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      Box child = box;
+      const bool up[3] = {far_half == (side > 0), (quarter & 1) != 0, (quarter & 2) != 0};
+      for (int i = 0; i < 3; ++i) (up[i] ? child.low : child.high)[(axis + i) % 3] = c[(axis + i) % 3];
+      farthest(field, child, axis, side, depth - 1, best);
+    }
+  }
+}
+
+void check(const SkeletonElement& e, std::size_t index) {
+  const auto fail = [&](const char* what) {
+    throw InputError("skeleton element " + std::to_string(index) + ": " + what);
+  };
+  for (int i = 0; i < 3; ++i) {
+    if (!std::isfinite(e.a[i]) || !std::isfinite(e.b[i])) fail("position must be finite");
+  }
+  if (!(e.radius > 0.0) || !std::isnormal(e.radius * e.radius)) fail("radius must be positive and finite");
+  if (!std::isfinite(e.weight)) fail("weight must be finite");
+  if (!(e.norm > 0.0) || !std::isfinite(e.norm)) fail("norm must be positive and finite");
+}
+
+}  // namespace
+
+SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
+    : elements_(std::move(elements)), iso_(iso) {
+  if (!std::isfinite(iso_)) throw InputError("skeleton: iso must be finite");
+  for (std::size_t i = 0; i < elements_.size(); ++i) check(elements_[i], i);
+}
+
+FieldSample SkeletonField::sample(const DVec3& p) const {
+  FieldSample sum{-iso_, DVec3(0.0)};
+  for (const SkeletonElement& e : elements_) {
+    const FieldSample s = element_sample(e, p);
+    sum.value += s.value;
+    sum.gradient += s.gradient;
+  }
+  return sum;
+}
+
+double SkeletonField::value(const DVec3& p) const {
+  double sum = -iso_;
+  for (const SkeletonElement& e : elements_) {
+    const DVec3 x = offset_from(e, p).x;
+    const double d = e.norm == 2.0 ? 0.0 : norm_of(x, e.norm);
+    sum += e.weight * profile(e, e.norm == 2.0 ? glm::dot(x, x) : d * d).value;
+  }
+  return sum;
+}
+
+DMat3 SkeletonField::hessian(const DVec3& p) const {
+  DMat3 sum(0.0);
+  for (const SkeletonElement& e : elements_) sum += element_hessian(e, p);
+  return sum;
+}
+
+Interval SkeletonField::range(const Box& box) const {
+  Interval sum{-iso_, -iso_};
+  double low_size = std::abs(iso_), high_size = low_size;
+  for (const SkeletonElement& e : elements_) {
+    const Interval d = distance_interval(e, box);
+    const double near = e.weight * profile(e, d.low * d.low).value;
+    const double far = e.weight * profile(e, d.high * d.high).value;
+    const auto [low, high] = std::minmax(near, far);
+    sum.low += low;
+    sum.high += high;
+    low_size += std::abs(low);
+    high_size += std::abs(high);
+  }
+  const double rounding = kRounding * static_cast<double>(elements_.size() + 1);
+  return {sum.low - rounding * low_size, sum.high + rounding * high_size};
+}
+
+Box SkeletonField::bounds() const {
+  Box core, support;
+  bool compact = true;
+  for (const SkeletonElement& e : elements_) {
+    Box own;
+    own.add(e.a);
+    own.add(e.b);
+    core.add(own.grown(e.radius));
+    // Where one coordinate is R away no p-norm is less than R.
+    support.add(own.grown(e.radius));
+    compact = compact && is_compact(e.potential);
+  }
+  if (elements_.empty()) return {};
+  Box box = support;
+  if (!compact) {
+    const DVec3 size = core.size();
+    const double step = std::max({size.x, size.y, size.z});
+    for (int axis = 0; axis < 3; ++axis) {
+      box.low[axis] = reach(*this, axis, -1, core.low[axis], step);
+      box.high[axis] = reach(*this, axis, +1, core.high[axis], step);
+    }
+  }
+  constexpr int kDepth = 6;  // the box is tight to within 1/64 of the first guess
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const int side : {-1, 1}) {
+      double best = -kInfinity;
+      farthest(*this, box, axis, side, kDepth, best);
+      if (best == -kInfinity) return {};
+      (side > 0 ? box.high : box.low)[axis] = side * best;
+    }
+  }
+  return box;
+}
+
+bool SkeletonField::is_c2() const {
+  return std::all_of(elements_.begin(), elements_.end(), [](const SkeletonElement& e) {
+    if (!is_point(e) || e.potential == Potential::wyvill) return false;
+    return e.norm == 2.0 || (e.norm > 2.0 && e.potential == Potential::inverse_square);
+  });
+}
+
+}  // namespace isoskin
