@@ -1,7 +1,9 @@
 #include "core/mechanics/relax.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 
 #include "core/parallel.h"
 
@@ -44,10 +46,6 @@ void check(const RelaxOptions& o) {
   require(o.spring >= 0 && std::isfinite(o.spring), "spring must not be negative");
   require(o.dt > 0 && std::isfinite(o.dt), "dt must be positive and finite");
   require(o.max_move > 0, "max_move must be positive");
-}
-
-void widen(std::span<const Vec3> from, std::span<DVec3> to) {
-  for_each_index(from.size(), [&](std::size_t i) { to[i] = DVec3(from[i]); });
 }
 
 }  // namespace
@@ -203,20 +201,26 @@ RelaxReport relax_skin(const SkinTopology& topology, const Field& field, const R
   std::vector<DVec3> x(n), normals(n);
   std::vector<std::uint8_t> inverted(topology.triangle_count());
   RelaxReport report;
+  const auto put_on_surface = [&] {
+    for_each_index(n, [&](std::size_t i) { positions[i] = Vec3(x[i]); });
+    report.quasi_critical = project_points(field, project, positions, status).quasi_critical;
+    for_each_index(n, [&](std::size_t i) { x[i] = DVec3(positions[i]); });
+  };
+  for_each_index(n, [&](std::size_t i) { x[i] = DVec3(positions[i]); });
   for (; report.steps < relax.steps; ++report.steps) {
-    widen(positions, x);
     field_normals(field, x, normals);
     mark_inverted(topology.vertex, x, normals, inverted);
     const Skin skin(topology, x, normals, inverted, relax);
     const QuasiStaticMove solved = quasi_static_move(skin, relax);
     for_each_index(n, [&](std::size_t i) { x[i] += clamped(solved.move[i], max_move); });
-    if (relax.sharp) pull_to_sharp_features(topology, field, project, max_move, x);
-    for_each_index(n, [&](std::size_t i) { positions[i] = Vec3(x[i]); });
-    report.quasi_critical = project_points(field, project, positions, status).quasi_critical;
+    put_on_surface();
+    for (int pull = 0; relax.sharp && pull < relax.sharp_pulls; ++pull) {
+      pull_to_sharp_features(topology, field, project, max_move, x);
+      put_on_surface();
+    }
     report.cg_iterations += solved.iterations;
     report.residual = solved.residual;
-    report.inverted = 0;
-    for (const std::uint8_t flag : inverted) report.inverted += flag;
+    report.inverted = std::size_t(std::count(inverted.begin(), inverted.end(), std::uint8_t{1}));
   }
   return report;
 }

@@ -28,6 +28,7 @@ struct RelaxOptions {
   float cg_tolerance = 1e-2f;  // stop when |r| <= cg_tolerance * |r0|; 0 runs all iterations
   float max_move = 0.5f;       // longest move of a vertex in one step, in units of e
   bool sharp = false;          // pull vertices onto sharp features after each step (design 5, errata)
+  int sharp_pulls = 3;         // pulls a step, each followed by a projection; one halves the distance to a feature
 };
 
 struct RelaxReport {
@@ -104,7 +105,8 @@ ProjectReport project_points(const Field& field, const ProjectOptions& options, 
                              std::span<ProjectStatus> status);
 
 /// Float64 definition of Backend::relax on `positions`. Each step: normals and inversions, quasi_static_move, moves
-/// clamped to max_move e, the sharp pull if wanted, projection. Throws std::invalid_argument for options out of range.
+/// clamped to max_move e, projection; then, if wanted, sharp_pulls times the sharp pull and projection. A vertex that
+/// is not projected keeps its moved place. Throws std::invalid_argument for options out of range.
 RelaxReport relax_skin(const SkinTopology& topology, const Field& field, const RelaxOptions& relax,
                        const ProjectOptions& project, std::span<Vec3> positions, std::span<ProjectStatus> status);
 
