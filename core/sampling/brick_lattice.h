@@ -2,7 +2,7 @@
 // surface may cross. Extraction and certificate share it.
 #pragma once
 
-#include <unordered_map>
+#include <cstdint>
 #include <vector>
 
 #include "core/backend.h"
@@ -30,12 +30,15 @@ struct BrickLattice {
   DVec3 point(const IVec3& corner) const { return origin + spacing * DVec3(corner); }
 
 private:
-  std::unordered_map<std::uint64_t, Index> index_;
+  std::vector<Index> slot_;  // open addressing over `coordinate`, a power of two of slots
 };
 
 /// Samples F on the lattice of the given spacing wherever the surface may be: every cell edge whose ends differ in sign
-/// has all its four cells in bricks that are present. For a grid the lattice contains its voxel centres when spacing is
-/// h / n. Throws InputError when more than `max_bricks` bricks would be needed (an absurd spacing).
+/// has all its four cells in bricks that are present, and F has one sign in each part of space that no brick covers. A
+/// corner is inside when its value is > 0. The lattice is anchored at the world's origin, that of a grid field at voxel
+/// (0,0,0), so it contains the voxel centres when spacing is h / n. Grids at h, h/2, h/4 and h/8 are evaluated on the
+/// host, brick by brick; everything else through the backend, whose field must be `field`. Throws InputError when more
+/// than `max_bricks` bricks would be needed (an absurd spacing) or the surface runs out of the field's bounds.
 BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks = 8u << 20);
 
 }  // namespace isoskin

@@ -1,6 +1,9 @@
 // Marching cubes on a BrickLattice: a closed, oriented 2-manifold whatever the signs (design 8).
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -8,26 +11,47 @@
 
 namespace isoskin {
 
-/// The surface as the lattice sees it: its connected pieces, without any triangle. A *patch* is one loop of crossings in
-/// one cell (a cell holds up to four); pieces join patches that share a crossing.
+/// The crossings of the surface with the lattice edges that start in one brick's corners 0..7: numbered by axis, x, y, z.
+struct BrickCrossings {
+  std::array<std::uint64_t, 24> mask{};    // word axis * 8 + x, bit y * 8 + z
+  std::array<std::uint16_t, 24> before{};  // crossings of this brick in the words before
+  Index first = 0;                         // of this brick
+};
+
+/// The surface as the lattice sees it: its connected pieces, without any triangle. A *crossing* is where it meets a
+/// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that share
+/// a crossing.
 struct LatticeTopology {
-  std::vector<Index> first_patch;  // per cell, CSR over brick * 512 + cell index; size cells + 1
-  std::vector<Index> piece;        // per patch
-  std::vector<int> euler;          // per piece: vertices - edges + patches
-  std::vector<double> volume;      // per piece: enclosed volume, world units^3, negative for a cavity
-  std::vector<Box> box;            // per piece: bounds of its crossings
+  std::vector<Index> first_cell;         // per brick: its surface cells, CSR; size bricks + 1
+  std::vector<std::uint16_t> cell;       // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
+  std::vector<std::uint16_t> shape;      // per surface cell, see cell_shapes.h
+  std::vector<Index> first_patch;        // per surface cell, CSR; size cells + 1
+  std::vector<Index> piece;              // per patch
+  std::vector<BrickCrossings> crossings; // per brick
+  std::vector<Vec3> crossing_point;      // per crossing
+  std::vector<Index> crossing_piece;     // per crossing
+  std::vector<std::array<Index, 8>> upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
+
+  std::vector<int> euler;      // per piece: vertices - edges + patches
+  std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity
+  std::vector<Box> box;        // per piece: bounds of its crossings
 
   std::size_t piece_count() const { return euler.size(); }
+  /// Patches [first, second) in cell (x * 8 + y) * 8 + z of a brick; empty where the surface is not.
+  std::pair<Index, Index> patches(Index brick, int cell_in_brick) const;
+  /// Crossing of the lattice edge that starts at corner (0..8 on each axis) of a brick, along `axis`; kNone if there is none.
+  Index crossing(Index brick, IVec3 corner, int axis) const;
 };
 
 /// Face ambiguities are resolved by the asymptotic decider, alike in both cells of a face, so loops close; pieces are
-/// numbered in order of their first patch. Parallel and deterministic.
+/// numbered in order of their first patch. Crossing points by linear interpolation, kept at least 2% of an edge away
+/// from lattice corners. Parallel and deterministic. Throws std::invalid_argument when a brick is missing where the
+/// surface goes on.
 LatticeTopology lattice_topology(const BrickLattice& lattice);
 
 /// Triangulates the pieces with wanted[piece] != 0 (all when `wanted` is empty). Loops are cut so that no diagonal lies
 /// in a cell face (a centre point is added where it must), hence no edge is shared by more than two triangles.
-/// Crossing points by linear interpolation, kept at least 2% of an edge away from lattice corners. Fresh ids from
-/// `next_id` on. `piece_of_vertex`, if given, receives the piece of every vertex.
+/// Fresh ids from `next_id` on. `piece_of_vertex`, if given, receives the piece of every vertex.
 TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& topology,
                             const std::vector<std::uint8_t>& wanted = {}, Index next_id = 0,
                             std::vector<Index>* piece_of_vertex = nullptr);
