@@ -84,7 +84,8 @@ std::vector<std::array<std::uint8_t, 3>> triangulate(const std::vector<int>& loo
   if (cut(loop, 0, n - 1, out)) return out;
   out.clear();
   for (int i = 0; i < n; ++i)
-    out.push_back({static_cast<std::uint8_t>(loop[i]), static_cast<std::uint8_t>(loop[(i + 1) % n]), CellShape::kCentre});
+    out.push_back(
+        {static_cast<std::uint8_t>(loop[i]), static_cast<std::uint8_t>(loop[(i + 1) % n]), CellShape::kCentre});
   return out;
 }
 
@@ -176,6 +177,8 @@ std::uint16_t find_shape(const std::array<float, 8>& v) {
   return static_cast<std::uint16_t>(index);
 }
 
-const CellShape& shape(std::uint16_t index) { return table().shape[index]; }
+const CellShape& shape(std::uint16_t index) {
+  return table().shape[index];
+}
 
 }  // namespace isoskin

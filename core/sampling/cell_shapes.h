@@ -20,7 +20,7 @@ struct CellShape {
   static constexpr std::uint8_t kCentre = 255;  // a corner of a triangle: the loop's centre, not an edge
 
   std::uint8_t loops = 0;
-  std::uint8_t centres = 0;                    // loops that need a centre vertex, in all
+  std::uint8_t centres = 0;  // loops that need a centre vertex, in all
   std::array<std::uint8_t, 5> first{};
   std::array<std::uint8_t, 12> edge{};
   std::array<std::uint8_t, 5> first_triangle{};  // of loop l, as `first`
@@ -31,7 +31,8 @@ struct CellShape {
 };
 
 /// The shape for corner values v[8]: signs (inside iff > 0) and, on faces with two crossing diagonals, the asymptotic
-/// decider (the positive corners are joined iff their product exceeds that of the others). Returns an index for shape().
+/// decider (the positive corners are joined iff their product exceeds that of the others). Returns an index for
+/// shape().
 std::uint16_t find_shape(const std::array<float, 8>& v);
 const CellShape& shape(std::uint16_t index);
 

@@ -13,7 +13,8 @@ namespace {
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kTaps = BrickGrid::kTaps;
 
-/// Nine lattice corners in a row from a window of `width` taps: corner i is the sum of weight[i][k] * tap[start[i] + k].
+/// Nine lattice corners in a row from a window of `width` taps: corner i is the sum of weight[i][k] * tap[start[i] +
+/// k].
 struct Row {
   int width = 0;
   std::array<int, kCorners> start{};
@@ -41,13 +42,16 @@ Row make_row(Interpolation interpolation, int parts) {
   return row;
 }
 
-int floor_div(int a, int b) { return a >= 0 ? a / b : -((b - 1 - a) / b); }
+int floor_div(int a, int b) {
+  return a >= 0 ? a / b : -((b - 1 - a) / b);
+}
 
 std::int32_t table_entry(const BrickGrid& grid, const IVec3& brick, bool& present) {
   const IVec3 at = brick - grid.table_low;
   present = at.x >= 0 && at.y >= 0 && at.z >= 0 && at.x < grid.table_size.x && at.y < grid.table_size.y &&
             at.z < grid.table_size.z;
-  return present ? grid.table[(static_cast<std::size_t>(at.x) * grid.table_size.y + at.y) * grid.table_size.z + at.z] : -1;
+  return present ? grid.table[(static_cast<std::size_t>(at.x) * grid.table_size.y + at.y) * grid.table_size.z + at.z]
+                 : -1;
 }
 
 /// values[729] from the window of taps that begins at `first` in a grid brick.
@@ -72,13 +76,15 @@ void interpolate(const float* tap, const IVec3& first, const Row& row, float* va
     for (int i = 0; i < kCorners; ++i) {
       const double* t = along_x + x * plane + row.start[i] * w;
       const auto& c = row.weight[i];
-      for (int j = 0; j < w; ++j) along_y[i * w + j] = c[0] * t[j] + c[1] * t[w + j] + c[2] * t[2 * w + j] + c[3] * t[3 * w + j];
+      for (int j = 0; j < w; ++j)
+        along_y[i * w + j] = c[0] * t[j] + c[1] * t[w + j] + c[2] * t[2 * w + j] + c[3] * t[3 * w + j];
     }
     for (int y = 0; y < kCorners; ++y)
       for (int i = 0; i < kCorners; ++i) {
         const double* t = along_y + y * w + row.start[i];
         const auto& c = row.weight[i];
-        values[(x * kCorners + y) * kCorners + i] = static_cast<float>(c[0] * t[0] + c[1] * t[1] + c[2] * t[2] + c[3] * t[3]);
+        values[(x * kCorners + y) * kCorners + i] =
+            static_cast<float>(c[0] * t[0] + c[1] * t[1] + c[2] * t[2] + c[3] * t[3]);
       }
   }
 }
@@ -129,7 +135,8 @@ void evaluate_grid(const BrickGrid& grid, int parts, BrickLattice& lattice, cons
     bool present = false;
     const std::int32_t entry = table_entry(grid, brick, present);
     if (present && entry >= 0)
-      interpolate(&grid.tap[static_cast<std::size_t>(entry) * BrickGrid::kTapValues], (c - brick * parts) * width, row, values);
+      interpolate(&grid.tap[static_cast<std::size_t>(entry) * BrickGrid::kTapValues], (c - brick * parts) * width, row,
+                  values);
     else
       std::fill_n(values, BrickLattice::kValues, present ? grid.constant[-1 - entry] : grid.outside);
   });

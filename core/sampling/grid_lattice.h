@@ -14,8 +14,8 @@ int grid_parts(const BrickGrid& grid, double spacing);
 /// Lattice bricks (sorted) in which F may vanish: their taps differ in sign, and F lies in the taps' convex hull.
 std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts);
 
-/// Fills the values of the given bricks of the lattice. Summed in float64, rounded once; a corner's value does not depend
-/// on which brick asks, as long as the grid's bricks agree on the taps they share.
+/// Fills the values of the given bricks of the lattice. Summed in float64, rounded once; a corner's value does not
+/// depend on which brick asks, as long as the grid's bricks agree on the taps they share.
 void evaluate_grid(const BrickGrid& grid, int parts, BrickLattice& lattice, const std::vector<Index>& bricks);
 
 }  // namespace isoskin

@@ -21,7 +21,9 @@ constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
 constexpr double kNearestToCorner = 0.02;  // of an edge: keeps triangles from degenerating
 
-int corner_index(const IVec3& c) { return (c.x * kCorners + c.y) * kCorners + c.z; }
+int corner_index(const IVec3& c) {
+  return (c.x * kCorners + c.y) * kCorners + c.z;
+}
 
 /// Signs of a brick's corners, nine bits a row along z.
 struct Signs {
@@ -65,7 +67,8 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   t.upper.resize(bricks);
   for_bricks(bricks, [&](std::size_t b) {
     for (int i = 0; i < 8; ++i)
-      t.upper[b][i] = i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
+      t.upper[b][i] =
+          i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
     const Signs signs(&lattice.value[b * kValues]);
     BrickCrossings& c = t.crossings[b];
     Index cells = 0;
@@ -78,7 +81,8 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
         c.mask[16 + x] |= std::uint64_t{(r ^ r >> 1) & 0xff} << 8 * y;
       }
     t.first_cell[b] = cells;
-    for (int w = 1; w < 24; ++w) c.before[w] = static_cast<std::uint16_t>(c.before[w - 1] + std::popcount(c.mask[w - 1]));
+    for (int w = 1; w < 24; ++w)
+      c.before[w] = static_cast<std::uint16_t>(c.before[w - 1] + std::popcount(c.mask[w - 1]));
     c.first = static_cast<Index>(c.before[23] + std::popcount(c.mask[23]));  // the count, for now
   });
   const Index cells = offsets_from_counts(t.first_cell);
@@ -130,7 +134,9 @@ void place_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   });
 }
 
-IVec3 cell_corner(int cell) { return {cell / (kCells * kCells), cell / kCells % kCells, cell % kCells}; }
+IVec3 cell_corner(int cell) {
+  return {cell / (kCells * kCells), cell / kCells % kCells, cell % kCells};
+}
 
 /// Crossing numbers of the edges of one surface cell's loops.
 std::array<Index, 12> cell_crossings(const BrickLattice& lattice, const LatticeTopology& t, Index brick, Index at) {
@@ -285,8 +291,9 @@ LatticeTopology lattice_topology(const BrickLattice& lattice) {
   return t;
 }
 
-TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& t, const std::vector<std::uint8_t>& wanted,
-                            Index next_id, std::vector<Index>* piece_of_vertex) {
+TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& t,
+                            const std::vector<std::uint8_t>& wanted, Index next_id,
+                            std::vector<Index>* piece_of_vertex) {
   const auto is_wanted = [&](Index piece) { return wanted.empty() || wanted[piece]; };
   // Vertices: wanted crossings in order, then the centres of loops in order of their bricks.
   std::vector<Index> vertex(t.crossing_piece.size() + 1, 0);

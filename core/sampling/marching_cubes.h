@@ -11,7 +11,8 @@
 
 namespace isoskin {
 
-/// The crossings of the surface with the lattice edges that start in one brick's corners 0..7: numbered by axis, x, y, z.
+/// The crossings of the surface with the lattice edges that start in one brick's corners 0..7: numbered by axis, x, y,
+/// z.
 struct BrickCrossings {
   std::array<std::uint64_t, 24> mask{};    // word axis * 8 + x, bit y * 8 + z
   std::array<std::uint16_t, 24> before{};  // crossings of this brick in the words before
@@ -19,18 +20,19 @@ struct BrickCrossings {
 };
 
 /// The surface as the lattice sees it: its connected pieces, without any triangle. A *crossing* is where it meets a
-/// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that share
-/// a crossing.
+/// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that
+/// share a crossing.
 struct LatticeTopology {
-  std::vector<Index> first_cell;         // per brick: its surface cells, CSR; size bricks + 1
-  std::vector<std::uint16_t> cell;       // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
-  std::vector<std::uint16_t> shape;      // per surface cell, see cell_shapes.h
-  std::vector<Index> first_patch;        // per surface cell, CSR; size cells + 1
-  std::vector<Index> piece;              // per patch
-  std::vector<BrickCrossings> crossings; // per brick
-  std::vector<Vec3> crossing_point;      // per crossing
-  std::vector<Index> crossing_piece;     // per crossing
-  std::vector<std::array<Index, 8>> upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
+  std::vector<Index> first_cell;          // per brick: its surface cells, CSR; size bricks + 1
+  std::vector<std::uint16_t> cell;        // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
+  std::vector<std::uint16_t> shape;       // per surface cell, see cell_shapes.h
+  std::vector<Index> first_patch;         // per surface cell, CSR; size cells + 1
+  std::vector<Index> piece;               // per patch
+  std::vector<BrickCrossings> crossings;  // per brick
+  std::vector<Vec3> crossing_point;       // per crossing
+  std::vector<Index> crossing_piece;      // per crossing
+  std::vector<std::array<Index, 8>>
+      upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
 
   std::vector<int> euler;      // per piece: vertices - edges + patches
   std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity
@@ -39,7 +41,8 @@ struct LatticeTopology {
   std::size_t piece_count() const { return euler.size(); }
   /// Patches [first, second) in cell (x * 8 + y) * 8 + z of a brick; empty where the surface is not.
   std::pair<Index, Index> patches(Index brick, int cell_in_brick) const;
-  /// Crossing of the lattice edge that starts at corner (0..8 on each axis) of a brick, along `axis`; kNone if there is none.
+  /// Crossing of the lattice edge that starts at corner (0..8 on each axis) of a brick, along `axis`; kNone if there is
+  /// none.
   Index crossing(Index brick, IVec3 corner, int axis) const;
 };
 

@@ -1,0 +1,241 @@
+#include "core/sampling/brick_lattice.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
+
+#include "core/sampling/grid_lattice.h"
+
+namespace isoskin {
+namespace {
+
+constexpr int kCells = BrickLattice::kCells;
+constexpr int kCorners = BrickLattice::kCorners;
+constexpr int kValues = BrickLattice::kValues;
+constexpr double kLargestCoordinate = 1 << 20;  // bricks from the origin: corner numbers stay far inside 32 bits
+constexpr std::size_t kBatch = 4096;            // bricks a call of Backend::evaluate
+constexpr int kMostRounds = 16;                 // of added bricks, before the surface is said to be open
+
+bool before(const IVec3& a, const IVec3& b) {
+  if (a.x != b.x) return a.x < b.x;
+  if (a.y != b.y) return a.y < b.y;
+  return a.z < b.z;
+}
+
+void check_count(std::size_t bricks, std::size_t most, double spacing) {
+  if (bricks > most)
+    throw InputError("lattice spacing " + std::to_string(spacing) + " needs more than " + std::to_string(most) +
+                     " bricks of 8^3 cells; expected a coarser one");
+}
+
+/// Corner numbers of brick `b` that it shares with its neighbour at `offset`: low..high on each axis.
+struct Shared {
+  IVec3 low, high;
+  explicit Shared(const IVec3& offset) {
+    for (int a = 0; a < 3; ++a) {
+      low[a] = offset[a] > 0 ? kCells : 0;
+      high[a] = offset[a] < 0 ? 0 : kCells;
+    }
+  }
+};
+
+int corner_index(int x, int y, int z) {
+  return (x * kCorners + y) * kCorners + z;
+}
+
+/// Does any lattice edge in the shared face or edge of the brick change sign?
+bool crosses(const float* value, const Shared& s) {
+  constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
+  for (int x = s.low.x; x <= s.high.x; ++x)
+    for (int y = s.low.y; y <= s.high.y; ++y)
+      for (int z = s.low.z; z <= s.high.z; ++z) {
+        const int i = corner_index(x, y, z);
+        const IVec3 at(x, y, z);
+        for (int a = 0; a < 3; ++a)
+          if (at[a] < s.high[a] && (value[i] > 0) != (value[i + stride[a]] > 0)) return true;
+      }
+  return false;
+}
+
+bool mixed(const float* value) {
+  const bool first = value[0] > 0;
+  for (int i = 1; i < kValues; ++i)
+    if ((value[i] > 0) != first) return true;
+  return false;
+}
+
+/// Bricks that must be there because a lattice edge on their boundary changes sign, but are not. Sorted.
+std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<Index>& bricks) {
+  std::vector<std::vector<IVec3>> found(bricks.size());
+  tbb::parallel_for(std::size_t{0}, bricks.size(), [&](std::size_t k) {
+    const Index b = bricks[k];
+    const float* value = &lattice.value[std::size_t{b} * kValues];
+    if (!mixed(value)) return;
+    for (int i = 0; i < 27; ++i) {
+      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+      const int away = std::abs(offset.x) + std::abs(offset.y) + std::abs(offset.z);
+      if (away == 0 || away == 3) continue;  // neighbours at a corner share no edge
+      const IVec3 c = lattice.coordinate[b] + offset;
+      if (lattice.find(c) == kNone && crosses(value, Shared(offset))) found[k].push_back(c);
+    }
+  });
+  std::vector<IVec3> all;
+  for (const auto& f : found) all.insert(all.end(), f.begin(), f.end());
+  std::sort(all.begin(), all.end(), before);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+/// A corner shared by several bricks takes the value of the last of them, in case two of them differ in rounding.
+void unify_shared_corners(BrickLattice& lattice) {
+  tbb::parallel_for(std::size_t{0}, lattice.brick_count(), [&](std::size_t b) {
+    float* value = &lattice.value[b * kValues];
+    std::array<std::uint8_t, kValues> done{};
+    for (int i = 26; i > 13; --i) {  // later bricks, the last one first
+      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+      const Index other = lattice.find(lattice.coordinate[b] + offset);
+      if (other == kNone) continue;
+      const float* theirs = &lattice.value[std::size_t{other} * kValues];
+      const Shared s(offset);
+      for (int x = s.low.x; x <= s.high.x; ++x)
+        for (int y = s.low.y; y <= s.high.y; ++y)
+          for (int z = s.low.z; z <= s.high.z; ++z) {
+            const int at = corner_index(x, y, z);
+            if (done[at]) continue;
+            done[at] = 1;
+            value[at] = theirs[corner_index(x - kCells * offset.x, y - kCells * offset.y, z - kCells * offset.z)];
+          }
+    }
+  });
+}
+
+/// Evaluates all corners of the given bricks through the backend.
+void evaluate(BrickLattice& lattice, const std::vector<Index>& bricks, Backend& backend) {
+  std::vector<Vec3> points;
+  std::vector<float> values;
+  for (std::size_t begin = 0; begin < bricks.size(); begin += kBatch) {
+    const std::size_t count = std::min(kBatch, bricks.size() - begin);
+    points.resize(count * kValues);
+    values.resize(count * kValues);
+    tbb::parallel_for(std::size_t{0}, count, [&](std::size_t k) {
+      const IVec3 low = lattice.coordinate[bricks[begin + k]] * kCells;
+      for (int i = 0; i < kValues; ++i) {
+        const IVec3 corner(i / (kCorners * kCorners), i / kCorners % kCorners, i % kCorners);
+        points[k * kValues + i] = Vec3(lattice.point(low + corner));
+      }
+    });
+    backend.evaluate(points, values, {});
+    for (std::size_t k = 0; k < count; ++k)
+      std::copy_n(&values[k * kValues], kValues, &lattice.value[std::size_t{bricks[begin + k]} * kValues]);
+  }
+}
+
+/// Adds bricks (sorted, none present yet) and returns their indices.
+std::vector<Index> insert(BrickLattice& lattice, const std::vector<IVec3>& more) {
+  BrickLattice grown;
+  grown.origin = lattice.origin;
+  grown.spacing = lattice.spacing;
+  const std::size_t count = lattice.brick_count() + more.size();
+  grown.coordinate.reserve(count);
+  grown.value.resize(count * kValues);
+  std::vector<Index> added;
+  for (std::size_t i = 0, j = 0; i + j < count;) {
+    const bool old = j == more.size() || (i < lattice.brick_count() && before(lattice.coordinate[i], more[j]));
+    if (old) {
+      std::copy_n(&lattice.value[i * kValues], kValues, &grown.value[(i + j) * kValues]);
+      grown.coordinate.push_back(lattice.coordinate[i++]);
+    } else {
+      added.push_back(static_cast<Index>(i + j));
+      grown.coordinate.push_back(more[j++]);
+    }
+  }
+  grown.build_index();
+  lattice = std::move(grown);
+  return added;
+}
+
+/// Cubes of bricks whose box the surface may cross, halved level by level.
+std::vector<IVec3> subdivide(const Field& field, const DVec3& origin, double spacing, std::size_t max_bricks) {
+  const Box bounds = field.bounds();
+  if (bounds.empty()) return {};
+  const double brick = spacing * kCells;
+  const DVec3 low = glm::floor((bounds.low - origin - DVec3(spacing)) / brick);
+  const DVec3 high = glm::floor((bounds.high - origin + DVec3(spacing)) / brick);
+  for (int a = 0; a < 3; ++a)
+    if (!(std::abs(low[a]) < kLargestCoordinate && std::abs(high[a]) < kLargestCoordinate))
+      throw InputError("lattice spacing " + std::to_string(spacing) +
+                       " is too fine for the field's bounds; expected at least " +
+                       std::to_string(glm::length(bounds.size()) / kLargestCoordinate));
+  const IVec3 first(low), count = IVec3(high) - first + 1;
+  int size = static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max({count.x, count.y, count.z}))));
+  // corners are rounded to float32 before they are evaluated
+  const double rounding = 1e-6 * std::max(glm::length(bounds.low), glm::length(bounds.high));
+  std::vector<IVec3> cubes{first};
+  for (;; size /= 2) {
+    std::vector<std::uint8_t> keep(cubes.size());
+    tbb::parallel_for(std::size_t{0}, cubes.size(), [&](std::size_t i) {
+      const IVec3 from = cubes[i] - first;
+      if (from.x >= count.x || from.y >= count.y || from.z >= count.z) return;
+      const Box box{origin + brick * DVec3(cubes[i]), origin + brick * DVec3(cubes[i] + size)};
+      const Interval range = field.range(box.grown(rounding));
+      keep[i] = range.low <= 0.0 && range.high >= 0.0;
+    });
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < cubes.size(); ++i)
+      if (keep[i]) cubes[kept++] = cubes[i];
+    cubes.resize(kept);
+    check_count(kept, max_bricks, spacing);
+    if (size == 1) break;
+    std::vector<IVec3> children;
+    children.reserve(kept * 8);
+    for (const IVec3& c : cubes)
+      for (int i = 0; i < 8; ++i) children.push_back(c + size / 2 * IVec3(i >> 2, i >> 1 & 1, i & 1));
+    cubes = std::move(children);
+  }
+  tbb::parallel_sort(cubes.begin(), cubes.end(), before);
+  return cubes;
+}
+
+}  // namespace
+
+BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks) {
+  if (!(spacing > 0.0) || !std::isfinite(spacing))
+    throw InputError("lattice spacing " + std::to_string(spacing) + "; expected a positive length");
+  const auto* grid = dynamic_cast<const GridField*>(&field);
+  const int parts = grid ? grid_parts(*grid->grid(), spacing) : 0;
+  BrickLattice lattice;
+  lattice.spacing = parts > 0 ? grid->grid()->h / parts : spacing;
+  lattice.origin = grid ? grid->grid()->origin : DVec3(0.0);
+  lattice.coordinate =
+      parts > 0 ? grid_candidates(*grid->grid(), parts) : subdivide(field, lattice.origin, lattice.spacing, max_bricks);
+  check_count(lattice.brick_count(), max_bricks, spacing);
+  lattice.value.resize(lattice.brick_count() * kValues);
+  lattice.build_index();
+
+  std::vector<Index> fresh(lattice.brick_count());
+  for (std::size_t b = 0; b < fresh.size(); ++b) fresh[b] = static_cast<Index>(b);
+  for (int round = 0;; ++round) {
+    if (parts > 0) {
+      evaluate_grid(*grid->grid(), parts, lattice, fresh);
+      unify_shared_corners(lattice);
+    } else {
+      evaluate(lattice, fresh, backend);
+    }
+    // Rounding may move a crossing just past the last brick, and unifying may move one anywhere near.
+    std::vector<Index> all(parts > 0 ? lattice.brick_count() : 0);
+    for (std::size_t b = 0; b < all.size(); ++b) all[b] = static_cast<Index>(b);
+    const std::vector<IVec3> more = missing_neighbours(lattice, parts > 0 ? all : fresh);
+    if (more.empty()) return lattice;
+    check_count(lattice.brick_count() + more.size(), max_bricks, spacing);
+    if (round == kMostRounds) throw InputError("the surface runs out of the field's bounds; expected a closed surface");
+    fresh = insert(lattice, more);
+  }
+}
+
+}  // namespace isoskin
