@@ -1,6 +1,7 @@
 // Small closed meshes with known topology, for tests and benchmarks.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>

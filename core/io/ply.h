@@ -10,8 +10,8 @@ namespace isoskin {
 
 /// Writes x y z nx ny nz s t r vx vy vz id age (float32, ids and age uint32) and faces as uchar-counted uint32
 /// `vertex_indices`, to a temporary name in the same folder, flushed and then renamed. Header comments carry frame,
-/// time and next_id. Throws InputError naming the file when the disk is full or the folder cannot be written; nothing
-/// half-written stays.
+/// time and next_id. Without normals the three columns are left out. Throws InputError naming the file when the disk is
+/// full or the folder cannot be written; nothing half-written stays.
 struct PlyHeader {
   int frame = 0;
   double time = 0.0;
@@ -23,10 +23,10 @@ void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std:
 /// make_mesh's defaults. Throws InputError naming the file and what was expected: truncated, not PLY, not triangles,
 /// index out of range, non-finite position. Does not link twins of an open mesh: `closed` says whether it is closed.
 struct PlyMesh {
-  TriangleMesh mesh;           // twins linked when closed, else twin is empty
-  std::vector<Vec3> normals;   // empty when the file has none
+  TriangleMesh mesh;          // twins linked when closed, else twin is empty
+  std::vector<Vec3> normals;  // empty when the file has none
   bool closed = false;
-  std::string open_reason;     // why not, when not
+  std::string open_reason;  // why not, when not
   PlyHeader header;
 };
 PlyMesh read_ply(const std::filesystem::path& path);

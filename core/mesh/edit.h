@@ -1,5 +1,5 @@
-// The topological edits of a closed triangle mesh: edge split, edge collapse, edge flip; each sequential primitive keeps
-// a closed, oriented 2-manifold. alter() (core/mechanics/alter.h) runs them in parallel on independent sets.
+// The topological edits of a closed triangle mesh: edge split, edge collapse, edge flip; each sequential primitive
+// keeps a closed, oriented 2-manifold. alter() (core/mechanics/alter.h) runs them in parallel on independent sets.
 #pragma once
 
 #include <vector>
@@ -21,6 +21,10 @@ void flip_edge(TriangleMesh& mesh, Index h);
 /// Inserts a vertex at from + t (to - from) on the edge of h; columns are blended, the id is fresh. Returns the vertex.
 /// Adds two triangles at the end.
 Index split_edge(TriangleMesh& mesh, Index h, float t = 0.5f);
+
+/// split_edge into rows that the caller made room for: the new vertex goes to row `vertex` (whose id the caller sets),
+/// the two new triangles to `triangle` and `triangle` + 1. Edges whose triangles share no edge may be split at once.
+void split_edge_into(TriangleMesh& mesh, Index h, float t, Index vertex, Index triangle);
 
 /// Merges to(h) into from(h) placed at from + t (to - from); columns blended, from's id survives. The two triangles and
 /// the vertex become unused: halfedges of dead triangles are set to kNone; compact() removes them.

@@ -1,7 +1,5 @@
 #include "core/mesh/triangle_mesh.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
@@ -12,18 +10,12 @@
 
 #include <fmt/format.h>
 
+#include "core/parallel.h"
+
 namespace isoskin {
 namespace {
 
-constexpr std::size_t kGrain = 4096;
-
-template <class Body>
-void for_each_index(std::size_t n, const Body& body) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, kGrain), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i != range.end(); ++i) body(Index(i));
-  });
-}
-
+/// Lowers target to value if value is smaller.
 void atomic_min(Index& target, Index value) {
   std::atomic_ref<Index> cell(target);
   Index seen = cell.load(std::memory_order_relaxed);
@@ -109,21 +101,6 @@ std::vector<Index> morton_order(const std::vector<Vec3>& points) {
   return order;
 }
 
-/// The rows order[0], order[1], ... of a table.
-VertexTable gather(const VertexTable& table, const std::vector<Index>& order) {
-  VertexTable out;
-  out.resize(order.size());
-  for_each_index(order.size(), [&](Index i) {
-    const Index v = order[i];
-    out.position[i] = table.position[v];
-    out.rest[i] = table.rest[v];
-    out.velocity[i] = table.velocity[v];
-    out.id[i] = table.id[v];
-    out.age[i] = table.age[v];
-  });
-  return out;
-}
-
 std::vector<Index> inverse_permutation(const std::vector<Index>& order) {
   std::vector<Index> inverse(order.size());
   for_each_index(order.size(), [&](Index i) { inverse[order[i]] = i; });
@@ -163,10 +140,11 @@ private:
 /// Sum of f(i) over i < n in blocks of fixed size: one order of additions whatever the number of threads.
 template <class Function>
 double ordered_sum(std::size_t n, const Function& f) {
-  std::vector<double> block((n + kGrain - 1) / kGrain, 0.0);
-  tbb::parallel_for(std::size_t(0), block.size(), [&](std::size_t b) {
-    const std::size_t end = std::min(n, (b + 1) * kGrain);
-    for (std::size_t i = b * kGrain; i < end; ++i) block[b] += f(Index(i));
+  constexpr std::size_t kBlock = 4096;
+  std::vector<double> block((n + kBlock - 1) / kBlock, 0.0);
+  for_each_index(block.size(), [&](std::size_t b) {
+    const std::size_t end = std::min(n, (b + 1) * kBlock);
+    for (std::size_t i = b * kBlock; i < end; ++i) block[b] += f(Index(i));
   });
   return std::accumulate(block.begin(), block.end(), 0.0);
 }
@@ -199,6 +177,27 @@ void VertexTable::reserve(std::size_t n) {
   velocity.reserve(n);
   id.reserve(n);
   age.reserve(n);
+}
+
+VertexTable VertexTable::select(const std::vector<Index>& rows) const {
+  VertexTable out;
+  out.resize(rows.size());
+  for_each_index(rows.size(), [&](Index i) {
+    const Index v = rows[i];
+    out.position[i] = position[v];
+    out.rest[i] = rest[v];
+    out.velocity[i] = velocity[v];
+    out.id[i] = id[v];
+    out.age[i] = age[v];
+  });
+  return out;
+}
+
+void VertexTable::blend(Index v, Index a, Index b, float t) {
+  position[v] = glm::mix(position[a], position[b], t);
+  rest[v] = glm::mix(rest[a], rest[b], t);
+  velocity[v] = glm::mix(velocity[a], velocity[b], t);
+  age[v] = 0;
 }
 
 void link_twins(TriangleMesh& mesh) {
@@ -316,7 +315,7 @@ TriangleMesh submesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
   for (Index t = 0; t < mesh.triangle_count(); ++t)
     if (keep[t])
       for (Index h = 3 * t; h < 3 * t + 3; ++h) out.vertex.push_back(renumbered[mesh.vertex[h]]);
-  out.vertices = gather(mesh.vertices, kept);
+  out.vertices = mesh.vertices.select(kept);
   out.next_id = mesh.next_id;
   link_twins(out);
   return out;
@@ -357,7 +356,7 @@ void reorder(TriangleMesh& mesh) {
   });
   mesh.vertex = std::move(vertex);
   mesh.twin = std::move(twin);
-  mesh.vertices = gather(mesh.vertices, vertex_order);
+  mesh.vertices = mesh.vertices.select(vertex_order);
 }
 
 ShapeStatistics shape_statistics(const TriangleMesh& mesh) {

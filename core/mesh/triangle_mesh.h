@@ -11,14 +11,19 @@ namespace isoskin {
 /// and velocity; an id is never averaged: the surviving vertex keeps its own, a new one gets a fresh id.
 struct VertexTable {
   std::vector<Vec3> position;
-  std::vector<Vec3> rest;       // where the material point was when it was born: the tracked texture coordinate
-  std::vector<Vec3> velocity;   // world units a second
-  std::vector<Index> id;        // persistent, unique within a sequence
-  std::vector<Index> age;       // frames since an edit last touched this vertex; 0 = touched in this frame ("locked")
+  std::vector<Vec3> rest;      // where the material point was when it was born: the tracked texture coordinate
+  std::vector<Vec3> velocity;  // world units a second
+  std::vector<Index> id;       // persistent, unique within a sequence
+  std::vector<Index> age;      // frames since an edit last touched this vertex; 0 = touched in this frame ("locked")
 
   std::size_t size() const { return position.size(); }
+  /// New rows: zero vectors, no id (kNone), age 0.
   void resize(std::size_t n);
   void reserve(std::size_t n);
+  /// The rows rows[0], rows[1], ... as a new table.
+  VertexTable select(const std::vector<Index>& rows) const;
+  /// Row v becomes a + t (b - a) of rows a and b, touched now (age 0); its id stays. v may be a or b.
+  void blend(Index v, Index a, Index b, float t);
 };
 
 /// Halfedges 3t, 3t+1, 3t+2 belong to triangle t, counter-clockwise seen from outside; halfedge h runs from vertex[h]
@@ -27,7 +32,7 @@ struct TriangleMesh {
   std::vector<Index> vertex;  // 3 a triangle
   std::vector<Index> twin;    // 3 a triangle
   VertexTable vertices;
-  Index next_id = 0;          // the id the next new vertex gets
+  Index next_id = 0;  // the id the next new vertex gets
 
   std::size_t triangle_count() const { return vertex.size() / 3; }
   std::size_t vertex_count() const { return vertices.size(); }

@@ -1,7 +1,6 @@
 #include "core/mesh/validate.h"
 
 #include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 #include <tbb/parallel_sort.h>
 
@@ -10,6 +9,8 @@
 #include <functional>
 
 #include <fmt/format.h>
+
+#include "core/parallel.h"
 
 namespace isoskin {
 namespace {
@@ -137,9 +138,7 @@ std::string check_ids(const TriangleMesh& mesh) {
   const Index v = first_bad(id.size(), [&](Index i) { return id[i] >= mesh.next_id; });
   if (v != kNone) return fmt::format("vertex {} has id {}, not below next_id {}", v, id[v], mesh.next_id);
   std::vector<std::uint64_t> sorted(id.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, id.size()), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i != range.end(); ++i) sorted[i] = std::uint64_t(id[i]) << 32 | i;
-  });
+  for_each_index(id.size(), [&](Index i) { sorted[i] = std::uint64_t(id[i]) << 32 | i; });
   tbb::parallel_sort(sorted.begin(), sorted.end());
   const Index k = first_bad(sorted.size(), [&](Index i) { return i > 0 && sorted[i] >> 32 == sorted[i - 1] >> 32; });
   if (k == kNone) return {};
