@@ -28,9 +28,13 @@ double microseconds(std::chrono::steady_clock::duration d) {
 
 }  // namespace
 
-void enable(bool value) { on = value; }
+void enable(bool value) {
+  on = value;
+}
 
-bool enabled() { return on; }
+bool enabled() {
+  return on;
+}
 
 void add(const char* track, std::string name, std::chrono::steady_clock::time_point begin,
          std::chrono::steady_clock::time_point end) {
@@ -51,8 +55,13 @@ void write(const std::filesystem::path& path) {
   nlohmann::json list = nlohmann::json::array();
   const auto origin = events.empty() ? std::chrono::steady_clock::time_point{} : events.front().begin;
   for (const Event& e : events)
-    list.push_back({{"name", e.name}, {"cat", e.track}, {"ph", "X"}, {"pid", 1}, {"tid", e.track},
-                    {"ts", microseconds(e.begin - origin)}, {"dur", microseconds(e.end - e.begin)}});
+    list.push_back({{"name", e.name},
+                    {"cat", e.track},
+                    {"ph", "X"},
+                    {"pid", 1},
+                    {"tid", e.track},
+                    {"ts", microseconds(e.begin - origin)},
+                    {"dur", microseconds(e.end - e.begin)}});
   std::ofstream file(path);
   file << nlohmann::json{{"traceEvents", std::move(list)}}.dump() << '\n';
   if (!file.flush()) throw InputError(path.string() + ": cannot write the trace; expected a writable file");

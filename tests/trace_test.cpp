@@ -24,4 +24,6 @@ TEST(Trace, WritesSpansOnlyWhileEnabled) {
   std::filesystem::remove(path);
 }
 
-TEST(Trace, UnwritableFileIsOneClearLine) { EXPECT_THROW(trace::write("/nowhere/trace.json"), InputError); }
+TEST(Trace, UnwritableFileIsOneClearLine) {
+  EXPECT_THROW(trace::write("/nowhere/trace.json"), InputError);
+}

@@ -256,6 +256,65 @@ void measure_pieces(LatticeTopology& t, const std::vector<double>& volume_of_pat
   for (double& v : t.volume) v /= 6.0;
 }
 
+/// Triangles of some of the patches, with the piece of every vertex.
+struct Triangulation {
+  std::vector<Vec3> position;
+  std::vector<Index> triangle;
+  std::vector<Index> piece;
+};
+
+/// Cuts the patches for which is_wanted(brick, patch) holds. `vertex`: 1 for every crossing they use, and one entry
+/// more. Vertices are those crossings in order, then the centres of loops in order of their bricks.
+template <class Wanted>
+Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t, const Wanted& is_wanted,
+                          std::vector<Index> vertex) {
+  const std::size_t bricks = lattice.brick_count();
+  std::vector<Index> first_triangle(bricks + 1, 0), first_centre(bricks + 1, 0);
+  for_bricks(bricks, [&](std::size_t b) {
+    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
+      const CellShape& s = shape(t.shape[at]);
+      for (int l = 0; l < s.loops; ++l) {
+        if (!is_wanted(b, t.first_patch[at] + l)) continue;
+        first_triangle[b] += s.first_triangle[l + 1] - s.first_triangle[l];
+        first_centre[b] += s.has_centre(l);
+      }
+    }
+  });
+  Triangulation out;
+  std::vector<std::uint8_t> used(t.crossing_piece.size());
+  for (std::size_t c = 0; c < used.size(); ++c) used[c] = vertex[c] != 0;
+  const Index crossings = offsets_from_counts(vertex);
+  const Index triangles = offsets_from_counts(first_triangle);
+  const std::size_t vertices = std::size_t{crossings} + offsets_from_counts(first_centre);
+  out.triangle.resize(std::size_t{triangles} * 3);
+  out.position.resize(vertices);
+  out.piece.resize(vertices);
+  tbb::parallel_for(std::size_t{0}, used.size(), [&](std::size_t c) {
+    if (!used[c]) return;
+    out.position[vertex[c]] = t.crossing_point[c];
+    out.piece[vertex[c]] = t.crossing_piece[c];
+  });
+  for_bricks(bricks, [&](std::size_t b) {
+    std::size_t corner = std::size_t{first_triangle[b]} * 3;
+    Index centre = crossings + first_centre[b];
+    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
+      const CellShape& s = shape(t.shape[at]);
+      const std::array<Index, 12> crossing = cell_crossings(lattice, t, static_cast<Index>(b), at);
+      for (int l = 0; l < s.loops; ++l) {
+        const Index patch = t.first_patch[at] + l;
+        if (!is_wanted(b, patch)) continue;
+        for (int k = s.first_triangle[l]; k < s.first_triangle[l + 1]; ++k)
+          for (const std::uint8_t e : s.triangle[k])
+            out.triangle[corner++] = e == CellShape::kCentre ? centre : vertex[crossing[e]];
+        if (!s.has_centre(l)) continue;
+        out.position[centre] = Vec3(loop_centre(s, l, crossing, t.crossing_point));
+        out.piece[centre++] = t.piece[patch];
+      }
+    }
+  });
+  return out;
+}
+
 }  // namespace
 
 std::pair<Index, Index> LatticeTopology::patches(Index brick, int cell_in_brick) const {
@@ -295,59 +354,35 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
                             const std::vector<std::uint8_t>& wanted, Index next_id,
                             std::vector<Index>* piece_of_vertex) {
   const auto is_wanted = [&](Index piece) { return wanted.empty() || wanted[piece]; };
-  // Vertices: wanted crossings in order, then the centres of loops in order of their bricks.
   std::vector<Index> vertex(t.crossing_piece.size() + 1, 0);
   for (std::size_t c = 0; c < t.crossing_piece.size(); ++c) vertex[c] = is_wanted(t.crossing_piece[c]);
-  const Index crossings = offsets_from_counts(vertex);
-  const std::size_t bricks = lattice.brick_count();
-  std::vector<Index> first_triangle(bricks + 1, 0), first_centre(bricks + 1, 0);
-  for_bricks(bricks, [&](std::size_t b) {
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
-      for (int l = 0; l < s.loops; ++l) {
-        if (!is_wanted(t.piece[t.first_patch[at] + l])) continue;
-        first_triangle[b] += s.first_triangle[l + 1] - s.first_triangle[l];
-        first_centre[b] += s.has_centre(l);
-      }
-    }
-  });
-  const Index triangles = offsets_from_counts(first_triangle);
-  const std::size_t vertices = std::size_t{crossings} + offsets_from_counts(first_centre);
+  Triangulation soup = triangulate(
+      lattice, t, [&](std::size_t, Index patch) { return is_wanted(t.piece[patch]); }, std::move(vertex));
 
   TriangleMesh mesh;
-  mesh.vertex.resize(std::size_t{triangles} * 3);
-  mesh.vertices.resize(vertices);
-  std::vector<Index> pieces(vertices);
-  auto& position = mesh.vertices.position;
-  tbb::parallel_for(std::size_t{0}, t.crossing_piece.size(), [&](std::size_t c) {
-    if (!is_wanted(t.crossing_piece[c])) return;
-    position[vertex[c]] = t.crossing_point[c];
-    pieces[vertex[c]] = t.crossing_piece[c];
-  });
-  for_bricks(bricks, [&](std::size_t b) {
-    std::size_t corner = std::size_t{first_triangle[b]} * 3;
-    Index centre = crossings + first_centre[b];
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
-      const std::array<Index, 12> crossing = cell_crossings(lattice, t, static_cast<Index>(b), at);
-      for (int l = 0; l < s.loops; ++l) {
-        const Index piece = t.piece[t.first_patch[at] + l];
-        if (!is_wanted(piece)) continue;
-        for (int k = s.first_triangle[l]; k < s.first_triangle[l + 1]; ++k)
-          for (const std::uint8_t e : s.triangle[k])
-            mesh.vertex[corner++] = e == CellShape::kCentre ? centre : vertex[crossing[e]];
-        if (!s.has_centre(l)) continue;
-        position[centre] = Vec3(loop_centre(s, l, crossing, t.crossing_point));
-        pieces[centre++] = piece;
-      }
-    }
-  });
-  mesh.vertices.rest = position;
+  mesh.vertex = std::move(soup.triangle);
+  mesh.vertices.resize(soup.position.size());
+  mesh.vertices.rest = soup.position;
+  mesh.vertices.position = std::move(soup.position);
   std::iota(mesh.vertices.id.begin(), mesh.vertices.id.end(), next_id);
-  mesh.next_id = next_id + static_cast<Index>(vertices);
+  mesh.next_id = next_id + static_cast<Index>(mesh.vertex_count());
   link_twins(mesh);
-  if (piece_of_vertex) *piece_of_vertex = std::move(pieces);
+  if (piece_of_vertex) *piece_of_vertex = std::move(soup.piece);
   return mesh;
+}
+
+OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopology& t,
+                                const std::vector<std::uint8_t>& wanted_brick) {
+  std::vector<Index> vertex(t.crossing_piece.size() + 1, 0);
+  for_bricks(lattice.brick_count(), [&](std::size_t b) {
+    if (!wanted_brick[b]) return;
+    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at)
+      for (const Index c : cell_crossings(lattice, t, static_cast<Index>(b), at))
+        if (c != kNone) std::atomic_ref(vertex[c]).store(1, std::memory_order_relaxed);  // bricks share crossings
+  });
+  Triangulation soup = triangulate(
+      lattice, t, [&](std::size_t b, Index) { return wanted_brick[b] != 0; }, std::move(vertex));
+  return {std::move(soup.position), std::move(soup.triangle)};
 }
 
 }  // namespace isoskin

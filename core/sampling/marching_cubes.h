@@ -59,4 +59,14 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
                             const std::vector<std::uint8_t>& wanted = {}, Index next_id = 0,
                             std::vector<Index>* piece_of_vertex = nullptr);
 
+/// A part of the surface with borders: positions and triangles, counter-clockwise seen from outside.
+struct OpenSurface {
+  std::vector<Vec3> position;
+  std::vector<Index> triangle;  // 3 a triangle
+};
+
+/// The triangles of all patches in bricks b with wanted_brick[b] != 0, as marching_cubes makes them.
+OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopology& topology,
+                                const std::vector<std::uint8_t>& wanted_brick);
+
 }  // namespace isoskin

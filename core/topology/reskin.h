@@ -1,0 +1,39 @@
+// Tier 2 of design 8: the mesh about bad sites is emptied and filled with marching cubes of the field, stitched to the
+// skin that stays (after Wojtan et al. 2009; simpler here, because the field itself says what is right).
+#pragma once
+
+#include <vector>
+
+#include "core/backend.h"
+#include "core/sampling/brick_lattice.h"
+#include "core/sampling/marching_cubes.h"
+#include "core/topology/bad_sites.h"
+
+namespace isoskin {
+
+struct ReskinOptions {
+  double edge_length = 1.0;  // e, world units
+  double radius = 1.5;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
+  double margin = 2.5;       // how far beyond the emptied region the lattice's surface is built, in units of e
+  int growths = 4;           // times a region whose seam fails is grown by `radius` before its piece is given up
+};
+
+struct ReskinReport {
+  std::size_t seams = 0;  // closed curves along which new and old surface were welded
+  std::size_t triangles_removed = 0;
+  std::size_t triangles_added = 0;
+  std::size_t pieces_given_up = 0;  // mesh pieces with a seam that would not close; they are as they were
+  double area = 0.0;                // of the new triangles, world units^2
+  Index first_new_vertex = 0;       // vertices from here on are new: age 1, rest and velocity from the old surface
+};
+
+/// Empties the neighbourhood of `sites`, cuts the lattice's surface along paths between the vertices of the borders
+/// that remain (each border vertex snapped to the nearest lattice vertex of the same side, neighbours joined by
+/// shortest paths), keeps the part that faces the hole and welds it. Pieces of the lattice's surface that lie wholly in
+/// emptied space are added, emptied pieces of mesh are not. The result is a closed, oriented 2-manifold; vertices that
+/// stay are not moved and keep their ids and their order. Dense where new: alter() and relax() make it
+/// near-equilateral. The backend must hold the field. Deterministic.
+ReskinReport reskin(TriangleMesh& mesh, const BadSites& sites, const BrickLattice& lattice,
+                    const LatticeTopology& topology, Backend& backend, const ReskinOptions& options);
+
+}  // namespace isoskin
