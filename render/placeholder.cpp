@@ -1,2 +1,0 @@
-// Placeholder until the rasterizer lands.
-namespace isoskin {}
