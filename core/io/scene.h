@@ -23,17 +23,24 @@ struct Scene {
   SceneMeshing meshing;
 };
 
-/// Reads a scene. Format (all keys checked; README and docs in this header are the reference):
-///   name = "seven"            frames = [1, 200]        dt = 0.04         iso = 0.2        seed-free and deterministic
+/// Reads a scene. Format (every key is checked; this is the reference):
+///   name = "seven"              default: the file's stem
+///   frames = [1, 200]           default: [1, 1], or all files of a sequence;  dt = 0.04  seconds a frame, default 1/24
+///   iso = 0.2                   of skeletons; required
 ///   [meshing]  edge_length = 0.1  angle = 18  passes = 4  sharp = false
-///   [[element]]  kind = "point" | "segment"   potential = "metaball"   norm = 2.0   motion = "smooth" | "linear"
-///     position = [x,y,z]  (segment: a = .., b = ..)   radius = 1.0   weight = 1.0
-///     or key-framed: keys = [ { frame = 1, position = [..], radius = .. }, { frame = 100, .. } ]
-///   [sequence] files = "dam_break.%04d.vdb" (relative to the scene file), grid, iso, smooth, interpolation, velocity
-/// Throws InputError "FILE:LINE: ..." for syntax errors, unknown keys, wrong types, non-finite numbers, missing files.
+///   [[element]]  kind = "point" (default) | "segment"
+///     potential = "metaball" (default) | "inverse_square" | "cauchy" | "blinn" | "wyvill"   norm = 2.0
+///     position = [x, y, z]  (segment: a = .., b = ..)   radius = 1.0   weight = 1.0
+///     or any of these key-framed: keys = [ { frame = 1, position = [..], radius = .. }, { frame = 100, .. } ]
+///     motion = "linear" (default) | "smooth": see KeyTrack; before the first and after the last key nothing moves
+///   [sequence] instead of elements: files = "dam_break.%04d.vdb" (from the scene's folder; also a folder, glob or
+///   file),
+///     grid, iso, smooth, interpolation = "cubic" | "linear", velocity: see GridOptions
+/// What is set in `overrides` wins (a linear interpolation counts as set). Throws InputError "FILE:LINE: ..." for
+/// syntax errors, unknown or missing keys, wrong types, non-finite numbers, missing files.
 Scene load_scene(const std::filesystem::path& file, const SequenceOptions& overrides = {});
 
-/// One file, folder, pattern, glob or .toml scene: what `isoskin track INPUT` takes.
+/// One .vdb file, folder, pattern, glob or .toml scene: what `isoskin track INPUT` takes.
 Scene open_input(const std::string& input, const SequenceOptions& options = {});
 
 }  // namespace isoskin
