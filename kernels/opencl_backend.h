@@ -12,7 +12,7 @@ namespace isoskin {
 struct DeviceInfo {
   int index = 0;  // what --device takes
   std::string platform, name, version, driver;
-  bool cpu = false;          // shares memory with the host: buffers are mapped, never copied
+  bool cpu = false;  // shares memory with the host: buffers are mapped, never copied
   unsigned compute_units = 0;
   std::size_t global_bytes = 0;
 };
@@ -21,8 +21,8 @@ struct DeviceInfo {
 std::vector<DeviceInfo> list_devices();
 
 struct OpenClOptions {
-  int device = -1;       // index in list_devices(); -1: the first GPU, else the first device
-  bool trace = false;    // profile every kernel and transfer (see core/trace.h)
+  int device = -1;     // index in list_devices(); -1: the first GPU, else the first device
+  bool trace = false;  // profile every kernel and transfer (see core/trace.h)
 };
 
 /// Throws InputError when there is no such device ("no OpenCL device: install pocl-opencl-icd ..."), and

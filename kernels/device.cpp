@@ -1,0 +1,416 @@
+#define CL_USE_DEPRECATED_OPENCL_1_2_APIS  // clCreateCommandQueue: its successor is missing on 1.2 devices
+#include "kernels/device.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <mutex>
+#include <new>
+
+#include "core/trace.h"
+
+namespace isoskin::opencl {
+namespace {
+
+constexpr std::size_t kPage = 4096;
+constexpr std::size_t kMostPending = 1 << 14;  // profiled events kept before they are read back
+
+const char* error_name(cl_int code) {
+  switch (code) {
+    case CL_DEVICE_NOT_FOUND:
+      return "CL_DEVICE_NOT_FOUND";
+    case CL_DEVICE_NOT_AVAILABLE:
+      return "CL_DEVICE_NOT_AVAILABLE";
+    case CL_COMPILER_NOT_AVAILABLE:
+      return "CL_COMPILER_NOT_AVAILABLE";
+    case CL_MEM_OBJECT_ALLOCATION_FAILURE:
+      return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
+    case CL_OUT_OF_RESOURCES:
+      return "CL_OUT_OF_RESOURCES";
+    case CL_OUT_OF_HOST_MEMORY:
+      return "CL_OUT_OF_HOST_MEMORY";
+    case CL_BUILD_PROGRAM_FAILURE:
+      return "CL_BUILD_PROGRAM_FAILURE";
+    case CL_MAP_FAILURE:
+      return "CL_MAP_FAILURE";
+    case CL_INVALID_VALUE:
+      return "CL_INVALID_VALUE";
+    case CL_INVALID_DEVICE:
+      return "CL_INVALID_DEVICE";
+    case CL_INVALID_CONTEXT:
+      return "CL_INVALID_CONTEXT";
+    case CL_INVALID_MEM_OBJECT:
+      return "CL_INVALID_MEM_OBJECT";
+    case CL_INVALID_BUILD_OPTIONS:
+      return "CL_INVALID_BUILD_OPTIONS";
+    case CL_INVALID_PROGRAM_EXECUTABLE:
+      return "CL_INVALID_PROGRAM_EXECUTABLE";
+    case CL_INVALID_KERNEL_NAME:
+      return "CL_INVALID_KERNEL_NAME";
+    case CL_INVALID_ARG_INDEX:
+      return "CL_INVALID_ARG_INDEX";
+    case CL_INVALID_ARG_VALUE:
+      return "CL_INVALID_ARG_VALUE";
+    case CL_INVALID_ARG_SIZE:
+      return "CL_INVALID_ARG_SIZE";
+    case CL_INVALID_KERNEL_ARGS:
+      return "CL_INVALID_KERNEL_ARGS";
+    case CL_INVALID_WORK_GROUP_SIZE:
+      return "CL_INVALID_WORK_GROUP_SIZE";
+    case CL_INVALID_BUFFER_SIZE:
+      return "CL_INVALID_BUFFER_SIZE";
+    default:
+      return "error";
+  }
+}
+
+struct Found {
+  cl_platform_id platform;
+  cl_device_id id;
+  DeviceInfo info;
+};
+
+std::string text_info(cl_device_id id, cl_device_info what) {
+  std::size_t bytes = 0;
+  check(clGetDeviceInfo(id, what, 0, nullptr, &bytes), "clGetDeviceInfo");
+  std::string text(bytes, '\0');
+  check(clGetDeviceInfo(id, what, bytes, text.data(), nullptr), "clGetDeviceInfo");
+  while (!text.empty() && text.back() == '\0') text.pop_back();
+  return text;
+}
+
+std::string platform_name(cl_platform_id platform) {
+  std::size_t bytes = 0;
+  check(clGetPlatformInfo(platform, CL_PLATFORM_NAME, 0, nullptr, &bytes), "clGetPlatformInfo");
+  std::string text(bytes, '\0');
+  check(clGetPlatformInfo(platform, CL_PLATFORM_NAME, bytes, text.data(), nullptr), "clGetPlatformInfo");
+  while (!text.empty() && text.back() == '\0') text.pop_back();
+  return text;
+}
+
+template <class T>
+T number_info(cl_device_id id, cl_device_info what) {
+  T value{};
+  check(clGetDeviceInfo(id, what, sizeof value, &value, nullptr), "clGetDeviceInfo");
+  return value;
+}
+
+std::vector<Found> find_devices() {
+  cl_uint count = 0;
+  if (clGetPlatformIDs(0, nullptr, &count) != CL_SUCCESS || count == 0) return {};
+  std::vector<cl_platform_id> platforms(count);
+  check(clGetPlatformIDs(count, platforms.data(), nullptr), "clGetPlatformIDs");
+  // The loader lists platforms in the order of a directory scan: sort, so that an index means the same tomorrow.
+  std::stable_sort(platforms.begin(), platforms.end(),
+                   [](cl_platform_id a, cl_platform_id b) { return platform_name(a) < platform_name(b); });
+  std::vector<Found> found;
+  for (cl_platform_id platform : platforms) {
+    cl_uint devices = 0;
+    if (clGetDeviceIDs(platform, CL_DEVICE_TYPE_ALL, 0, nullptr, &devices) != CL_SUCCESS) continue;
+    std::vector<cl_device_id> ids(devices);
+    check(clGetDeviceIDs(platform, CL_DEVICE_TYPE_ALL, devices, ids.data(), nullptr), "clGetDeviceIDs");
+    for (cl_device_id id : ids) {
+      DeviceInfo info;
+      info.index = static_cast<int>(found.size());
+      info.platform = platform_name(platform);
+      info.name = text_info(id, CL_DEVICE_NAME);
+      info.version = text_info(id, CL_DEVICE_VERSION);
+      info.driver = text_info(id, CL_DRIVER_VERSION);
+      info.cpu = (number_info<cl_device_type>(id, CL_DEVICE_TYPE) & CL_DEVICE_TYPE_CPU) != 0;
+      info.compute_units = number_info<cl_uint>(id, CL_DEVICE_MAX_COMPUTE_UNITS);
+      info.global_bytes = number_info<cl_ulong>(id, CL_DEVICE_GLOBAL_MEM_SIZE);
+      found.push_back({platform, id, std::move(info)});
+    }
+  }
+  return found;
+}
+
+/// Where PoCL keeps compiled kernels; it shows no device when it cannot write there.
+std::filesystem::path pocl_cache() {
+  if (const char* set = std::getenv("POCL_CACHE_DIR")) return set;
+  if (const char* set = std::getenv("XDG_CACHE_HOME")) return std::filesystem::path(set) / "pocl";
+  if (const char* set = std::getenv("HOME")) return std::filesystem::path(set) / ".cache" / "pocl";
+  return {};
+}
+
+/// The folder itself, or the nearest parent that exists, takes new files.
+bool can_write_below(std::filesystem::path path) {
+  std::error_code ignored;
+  while (!path.empty() && !std::filesystem::exists(path, ignored) && path.has_parent_path() &&
+         path.parent_path() != path)
+    path = path.parent_path();
+  return std::filesystem::is_directory(path, ignored) && access(path.c_str(), W_OK | X_OK) == 0;
+}
+
+Found choose_device(int index) {
+  std::vector<Found> found = find_devices();
+  if (found.empty()) {
+    const std::filesystem::path cache = pocl_cache();
+    if (!cache.empty() && !can_write_below(cache))
+      throw InputError(
+          fmt::format("no OpenCL device: the kernel cache folder {} cannot be written; expected a "
+                      "writable folder in POCL_CACHE_DIR",
+                      cache.string()));
+    throw InputError(
+        "no OpenCL device: expected a GPU driver or PoCL (install pocl-opencl-icd; check OCL_ICD_VENDORS if it is "
+        "set)");
+  }
+  if (index >= static_cast<int>(found.size()) || index < -1)
+    throw InputError(fmt::format("OpenCL device {}: no such device; expected 0 to {}", index, found.size() - 1));
+  if (index >= 0) return found[index];
+  const auto gpu = std::find_if(found.begin(), found.end(), [](const Found& f) { return !f.info.cpu; });
+  return gpu != found.end() ? *gpu : found.front();
+}
+
+/// What all Devices of one OpenCL device share. Kept until the process ends: drivers dislike late releases.
+struct Shared {
+  cl_context context = nullptr;
+  std::map<std::string, cl_program> programs;  // source and options -> built program
+};
+
+std::mutex shared_guard;
+
+Shared& shared(cl_device_id id) {
+  static auto* all = new std::map<cl_device_id, Shared>;
+  return (*all)[id];
+}
+
+cl_context shared_context(cl_device_id id, cl_platform_id platform) {
+  const std::lock_guard lock(shared_guard);
+  Shared& s = shared(id);
+  if (!s.context) {
+    const cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, reinterpret_cast<cl_context_properties>(platform),
+                                                0};
+    cl_int code = CL_SUCCESS;
+    s.context = clCreateContext(properties, 1, &id, nullptr, nullptr, &code);
+    check(code, "clCreateContext");
+  }
+  return s.context;
+}
+
+std::string build_log(cl_program program, cl_device_id id) {
+  std::size_t bytes = 0;
+  if (clGetProgramBuildInfo(program, id, CL_PROGRAM_BUILD_LOG, 0, nullptr, &bytes) != CL_SUCCESS) return "(no log)";
+  std::string log(bytes, '\0');
+  clGetProgramBuildInfo(program, id, CL_PROGRAM_BUILD_LOG, bytes, log.data(), nullptr);
+  while (!log.empty() && log.back() == '\0') log.pop_back();
+  return log;
+}
+
+cl_program build(cl_device_id id, cl_context context, const std::vector<const char*>& sources,
+                 const std::string& options) {
+  std::string text;
+  for (const char* source : sources) text += source;
+  const std::lock_guard lock(shared_guard);
+  cl_program& slot = shared(id).programs[options + '\n' + text];
+  if (slot) return slot;
+
+  cl_int code = CL_SUCCESS;
+  const char* pointer = text.c_str();
+  const Owned<cl_program, clReleaseProgram> program(clCreateProgramWithSource(context, 1, &pointer, nullptr, &code));
+  check(code, "clCreateProgramWithSource");
+  const std::string flags = "-cl-std=CL1.2 " + options;
+  code = clBuildProgram(program.get(), 1, &id, flags.c_str(), nullptr, nullptr);
+  if (code != CL_SUCCESS)
+    throw std::runtime_error(
+        fmt::format("clBuildProgram({}): {} ({})\n{}", flags, error_name(code), code, build_log(program.get(), id)));
+  check(clRetainProgram(program.get()), "clRetainProgram");
+  return slot = program.get();
+}
+
+/// Four sizes for each power of two, so that a mesh that grows a little finds its old blocks again.
+std::size_t size_class(std::size_t bytes) {
+  std::size_t step = kPage;
+  while (8 * step < bytes) step *= 2;
+  return (bytes + step - 1) / step * step;
+}
+
+cl_map_flags map_flags(Access access) {
+  if (access == Access::read) return CL_MAP_READ;
+  return access == Access::write ? CL_MAP_WRITE_INVALIDATE_REGION : CL_MAP_READ | CL_MAP_WRITE;
+}
+
+}  // namespace
+
+void check(cl_int code, const char* call) {
+  if (code != CL_SUCCESS) throw std::runtime_error(fmt::format("{}: {} ({})", call, error_name(code), code));
+}
+
+Device::Device(const OpenClOptions& options) : profile_(options.trace) {
+  Found found = choose_device(options.device);
+  info_ = std::move(found.info);
+  id_ = found.id;
+  context_ = shared_context(id_, found.platform);
+  cl_int code = CL_SUCCESS;
+  // The 1.2 call: clCreateCommandQueueWithProperties is missing on 1.2 devices.
+  queue_ = Queue(clCreateCommandQueue(context_, id_, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0, &code));
+  check(code, "clCreateCommandQueue");
+  if (profile_) {
+    cl_event event = nullptr;
+    check(clEnqueueMarkerWithWaitList(queue_.get(), 0, nullptr, &event), "clEnqueueMarkerWithWaitList");
+    check(clWaitForEvents(1, &event), "clWaitForEvents");
+    host_zero_ = std::chrono::steady_clock::now();
+    check(clGetEventProfilingInfo(event, CL_PROFILING_COMMAND_END, sizeof device_zero_, &device_zero_, nullptr),
+          "clGetEventProfilingInfo");
+    clReleaseEvent(event);
+  }
+}
+
+Device::~Device() {
+  clFinish(queue_.get());
+  for (const Pending& p : pending_) clReleaseEvent(p.event);
+}
+
+Kernel Device::kernel(const std::vector<const char*>& sources, const std::string& build_options, const char* name) {
+  const cl_program program = build(id_, context_, sources, build_options);
+  cl_int code = CL_SUCCESS;
+  KernelHandle handle(clCreateKernel(program, name, &code));
+  check(code, name);
+  return {std::move(handle), name};
+}
+
+void Device::set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t bytes, const void* value) {
+  const cl_int code = clSetKernelArg(kernel.handle.get(), slot, bytes, value);
+  if (code != CL_SUCCESS) check(code, fmt::format("clSetKernelArg({}, {})", kernel.name, slot).c_str());
+}
+
+void Device::enqueue(const Kernel& kernel, std::size_t items) {
+  const std::size_t global = (items + local_size_ - 1) / local_size_ * local_size_;
+  const auto begin = std::chrono::steady_clock::now();
+  const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local_size_, 0,
+                                             nullptr, event_slot("kernel", kernel.name));
+  if (code != CL_SUCCESS) {
+    if (profile_) pending_.pop_back();
+    check(code, fmt::format("clEnqueueNDRangeKernel({})", kernel.name).c_str());
+  }
+  if (profile_ && trace::enabled()) trace::add("launch", kernel.name, begin, std::chrono::steady_clock::now());
+}
+
+Block Device::acquire(std::size_t bytes) {
+  bytes = size_class(bytes);
+  if (const auto it = free_.find(bytes); it != free_.end()) {
+    Block block = std::move(it->second);
+    free_.erase(it);
+    return block;
+  }
+  Block block;
+  block.bytes = bytes;
+  cl_mem_flags flags = CL_MEM_READ_WRITE;
+  if (info_.cpu) {
+    block.host = {static_cast<std::byte*>(::operator new[](bytes, std::align_val_t(kPage))),
+                  [](std::byte* p) { ::operator delete[](p, std::align_val_t(kPage)); }};
+    flags |= CL_MEM_USE_HOST_PTR;
+  }
+  cl_int code = CL_SUCCESS;
+  block.memory = Memory(clCreateBuffer(context_, flags, bytes, block.host.get(), &code));
+  if (code != CL_SUCCESS) check(code, fmt::format("clCreateBuffer({} bytes)", bytes).c_str());
+  pooled_bytes_ += bytes;
+  return block;
+}
+
+void Device::release(Block block) {
+  free_.emplace(block.bytes, std::move(block));
+}
+
+void Device::finish() {
+  check(clFinish(queue_.get()), "clFinish");
+  collect_events();
+}
+
+void* Device::map(cl_mem memory, Access access, std::size_t bytes) {
+  cl_int code = CL_SUCCESS;
+  void* mapped = clEnqueueMapBuffer(queue_.get(), memory, CL_TRUE, map_flags(access), 0, bytes, 0, nullptr,
+                                    event_slot("copy", "map"), &code);
+  check(code, "clEnqueueMapBuffer");
+  return mapped;
+}
+
+void Device::unmap(cl_mem memory, void* mapped) {
+  check(clEnqueueUnmapMemObject(queue_.get(), memory, mapped, 0, nullptr, event_slot("copy", "unmap")),
+        "clEnqueueUnmapMemObject");
+}
+
+void Device::read(cl_mem memory, void* to, std::size_t bytes) {
+  check(clEnqueueReadBuffer(queue_.get(), memory, CL_TRUE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
+        "clEnqueueReadBuffer");
+}
+
+void Device::write(cl_mem memory, const void* from, std::size_t bytes) {
+  check(clEnqueueWriteBuffer(queue_.get(), memory, CL_TRUE, 0, bytes, from, 0, nullptr, event_slot("copy", "write")),
+        "clEnqueueWriteBuffer");
+}
+
+void Device::clear(cl_mem memory, std::size_t bytes) {
+  const cl_uint zero = 0;
+  check(clEnqueueFillBuffer(queue_.get(), memory, &zero, sizeof zero, 0, bytes, 0, nullptr, event_slot("copy", "fill")),
+        "clEnqueueFillBuffer");
+}
+
+Memory Device::wrap(void* host, std::size_t bytes) {
+  cl_int code = CL_SUCCESS;
+  Memory memory(clCreateBuffer(context_, CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR, bytes, host, &code));
+  check(code, "clCreateBuffer(USE_HOST_PTR)");
+  return memory;
+}
+
+cl_event* Device::event_slot(const char* track, const std::string& name) {
+  if (!profile_) return nullptr;
+  if (pending_.size() >= kMostPending) finish();
+  pending_.push_back({track, name, nullptr});
+  return &pending_.back().event;
+}
+
+void Device::collect_events() {
+  for (const Pending& p : pending_) {
+    cl_ulong begin = 0, end = 0;
+    if (trace::enabled() && p.event &&
+        clGetEventProfilingInfo(p.event, CL_PROFILING_COMMAND_START, sizeof begin, &begin, nullptr) == CL_SUCCESS &&
+        clGetEventProfilingInfo(p.event, CL_PROFILING_COMMAND_END, sizeof end, &end, nullptr) == CL_SUCCESS) {
+      const auto host_time = [&](cl_ulong t) {
+        return host_zero_ +
+               std::chrono::nanoseconds(static_cast<std::int64_t>(t) - static_cast<std::int64_t>(device_zero_));
+      };
+      trace::add(p.track, p.name, host_time(begin), host_time(end));
+    }
+    if (p.event) clReleaseEvent(p.event);
+  }
+  pending_.clear();
+}
+
+Borrowed::Borrowed(Device& device, void* data, std::size_t bytes, Access access)
+    : device_(&device), data_(data), bytes_(bytes), access_(access) {
+  if (bytes == 0) return;
+  if (device.info().cpu) {
+    wrapped_ = device.wrap(data, bytes);
+    return;
+  }
+  block_ = device.acquire(bytes);
+  if (access != Access::write) device.write(block_.memory.get(), data, bytes);
+}
+
+Borrowed::~Borrowed() {
+  if (block_.memory.get()) device_->release(std::move(block_));
+}
+
+void Borrowed::collect() {
+  if (bytes_ == 0 || access_ == Access::read) return;
+  if (wrapped_.get())
+    device_->unmap(wrapped_.get(), device_->map(wrapped_.get(), Access::read, bytes_));
+  else
+    device_->read(block_.memory.get(), data_, bytes_);
+}
+
+}  // namespace isoskin::opencl
+
+namespace isoskin {
+
+std::vector<DeviceInfo> list_devices() {
+  std::vector<DeviceInfo> list;
+  for (opencl::Found& found : opencl::find_devices()) list.push_back(std::move(found.info));
+  return list;
+}
+
+}  // namespace isoskin

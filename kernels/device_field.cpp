@@ -1,0 +1,34 @@
+#include "kernels/device_field.h"
+
+#include "embedded/packet.cl.h"
+
+namespace isoskin::opencl {
+
+namespace {
+
+// Out of line: GCC 12 takes double(float(x)) for x when it vectorises several at once, and the low part is lost.
+[[gnu::noinline]] float rounded(double x) {
+  return static_cast<float>(x);
+}
+
+}  // namespace
+
+Origin make_origin(const DVec3& at) {
+  Origin origin;
+  for (int i = 0; i < 3; ++i) {
+    origin.high[i] = rounded(at[i]);
+    origin.low[i] = rounded(at[i] - origin.high[i]);
+  }
+  return origin;
+}
+
+const Kernel& FieldKernel::operator()(const DeviceField& field) {
+  const std::string options = field.build_options();
+  const std::string variant = options + field.source();
+  auto it = built_.find(variant);
+  if (it == built_.end())
+    it = built_.emplace(variant, device_->kernel({source::packet, field.source(), source_}, options, name_)).first;
+  return it->second;
+}
+
+}  // namespace isoskin::opencl

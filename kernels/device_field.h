@@ -1,0 +1,58 @@
+// A field as kernels see it: the source text of its field_sample() and field_hessian(), and the buffers those read.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/field/field.h"
+#include "kernels/device.h"
+
+namespace isoskin::opencl {
+
+/// The same fields as Origin in packet.cl.
+struct Origin {
+  float high[3] = {0, 0, 0};
+  float low[3] = {0, 0, 0};
+};
+Origin make_origin(const DVec3& at);
+
+class DeviceField {
+public:
+  virtual ~DeviceField() = default;
+  /// True when this object can hold `field`'s kind.
+  virtual bool takes(const Field& field) const = 0;
+  /// Makes `field` the current one; uploads only what differs from the last. Precondition: takes(field).
+  virtual void upload(const Field& field) = 0;
+  virtual const char* source() const = 0;
+  /// Options of the variant that the current field needs; different options are different programs.
+  virtual std::string build_options() const = 0;
+  /// Points a work item.
+  virtual int width() const = 0;
+  /// Sets the arguments of FIELD_PARAMS.
+  virtual void bind(Device& device, const Kernel& kernel, cl_uint& slot) const = 0;
+};
+
+std::unique_ptr<DeviceField> make_skeleton_device_field(Device& device);
+std::unique_ptr<DeviceField> make_grid_device_field(Device& device);
+
+/// A kernel written over any field: built on first use for each variant of field it meets.
+class FieldKernel {
+public:
+  FieldKernel(Device& device, const char* source, const char* name) : device_(&device), source_(source), name_(name) {}
+  const Kernel& operator()(const DeviceField& field);
+
+private:
+  Device* device_;
+  const char* source_;
+  const char* name_;
+  std::map<std::string, Kernel> built_;
+};
+
+/// Work items that cover `points`.
+inline std::size_t packets(const DeviceField& field, std::size_t points) {
+  return (points + field.width() - 1) / field.width();
+}
+
+}  // namespace isoskin::opencl

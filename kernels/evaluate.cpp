@@ -1,0 +1,39 @@
+#include "kernels/evaluate.h"
+
+#include "embedded/evaluate.cl.h"
+
+namespace isoskin::opencl {
+
+Evaluator::Evaluator(Device& device)
+    : device_(&device),
+      both_(device, source::evaluate, "evaluate"),
+      values_(device, source::evaluate, "evaluate_values"),
+      hessian_(device, source::evaluate, "evaluate_hessian") {}
+
+void Evaluator::evaluate(const DeviceField& field, std::span<const Vec3> points, std::span<float> values,
+                         std::span<Vec3> gradients) {
+  if (points.empty()) return;
+  const auto count = static_cast<cl_uint>(points.size());
+  const Borrowed in(*device_, points.data(), points.size_bytes());
+  Borrowed out(*device_, values.data(), values.size_bytes(), Access::write);
+  if (gradients.empty()) {
+    device_->launch(values_(field), packets(field, count), field, in, out, count);
+    out.collect();
+  } else {
+    Borrowed slopes(*device_, gradients.data(), gradients.size_bytes(), Access::write);
+    device_->launch(both_(field), packets(field, count), field, in, out, slopes, count);
+    out.collect();
+    slopes.collect();
+  }
+}
+
+void Evaluator::evaluate_hessian(const DeviceField& field, std::span<const Vec3> points, std::span<float> hessians) {
+  if (points.empty()) return;
+  const auto count = static_cast<cl_uint>(points.size());
+  const Borrowed in(*device_, points.data(), points.size_bytes());
+  Borrowed out(*device_, hessians.data(), hessians.size_bytes(), Access::write);
+  device_->launch(hessian_(field), packets(field, count), field, in, out, count);
+  out.collect();
+}
+
+}  // namespace isoskin::opencl

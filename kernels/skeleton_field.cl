@@ -1,0 +1,239 @@
+// Field part of a program: SkeletonField (core/field/skeleton_field.h) over a packet of points. Compact elements far
+// from a point are skipped through a uniform grid of element lists; the others are in the list of all points.
+enum { INVERSE_SQUARE, CAUCHY, METABALL, BLINN, WYVILL };
+
+#define SINGULARITY 1e-6f  // inverse square is constant nearer than this share of the radius
+#define LEAST_SHARE 1e-6f  // of |x_i| / d in the derivatives of a p-norm
+
+typedef struct {
+  float a[3];
+  float radius2;
+  float ab[3];
+  float over_length2;  // 1 / |ab|^2, 0 for a point
+  float over_radius2;
+  float weight;
+  float radius;
+  float norm;
+  int potential;
+  int unused[3];
+} SkeletonElement;
+
+typedef struct {
+  Origin origin;
+  float iso;
+  float low[3];  // of the grid of lists, relative to the origin
+  float over_cell;
+  int size[3];
+  uint always;  // the first entries of the list: elements that reach every point
+} SkeletonParams;
+
+#define FIELD_PARAMS                                                                                           \
+  global const SkeletonElement *field_elements, global const uint *field_first, global const uint *field_list, \
+      const SkeletonParams field
+#define FIELD_ARGS field_elements, field_first, field_list, field
+
+typedef struct {
+  vfloat value;
+  vec3v g;
+  vfloat xx, yy, zz, xy, xz, yz;
+} SkeletonSum;
+
+typedef struct {  // a potential and its derivatives by s = d^2, times the weight
+  vfloat value, first, second;
+} Profile;
+
+Profile profile(const SkeletonElement e, vfloat s) {
+  const vfloat q = s * e.over_radius2;
+  Profile f;
+  switch (e.potential) {
+    case INVERSE_SQUARE: {
+      const vfloat over_q = 1.0f / q;
+      const vfloat over_s = 1.0f / s;
+      const vint near = q < SINGULARITY * SINGULARITY;
+      f.value = select(over_q, (vfloat)(1.0f / (SINGULARITY * SINGULARITY)), near);
+      f.first = select(-over_q * over_s, (vfloat)(0.0f), near);
+      f.second = select(2.0f * over_q * over_s * over_s, (vfloat)(0.0f), near);
+      break;
+    }
+    case CAUCHY: {
+      const vfloat c = 1.0f / (1.0f + s);
+      f.value = e.radius * c;
+      f.first = -f.value * c;
+      f.second = -2.0f * f.first * c;
+      break;
+    }
+    case METABALL: {
+      const vfloat c = fmax(1.0f - q, 0.0f);
+      f.value = c * c * c;
+      f.first = -3.0f * e.over_radius2 * c * c;
+      f.second = 6.0f * e.over_radius2 * e.over_radius2 * c;
+      break;
+    }
+    case BLINN: {
+      f.value = exp(-q);
+      f.first = -e.over_radius2 * f.value;
+      f.second = -e.over_radius2 * f.first;
+      break;
+    }
+    default: {  // WYVILL
+      const vint far = q >= 1.0f;
+      f.value = select(1.0f + q * (-22.0f + q * (17.0f - 4.0f * q)) * (1.0f / 9.0f), (vfloat)(0.0f), far);
+      f.first = select((-22.0f + q * (34.0f - 12.0f * q)) * (e.over_radius2 / 9.0f), (vfloat)(0.0f), far);
+      f.second = select((34.0f - 24.0f * q) * (e.over_radius2 * e.over_radius2 / 9.0f), (vfloat)(0.0f), far);
+    }
+  }
+  f.value *= e.weight;
+  f.first *= e.weight;
+  f.second *= e.weight;
+  return f;
+}
+
+#ifdef GENERAL_NORM
+vfloat diagonal_power(vfloat x, vfloat over_d, float norm) {
+  return powr(fmax(fabs(x) * over_d, LEAST_SHARE), (vfloat)(norm - 2.0f));
+}
+
+// d of the p-norm, 0 at 0.
+vfloat norm_of(vec3v x, float norm) {
+  const vfloat most = fmax(fabs(x.x), fmax(fabs(x.y), fabs(x.z)));
+  const vfloat scale = 1.0f / fmax(most, FLT_MIN);
+  const vfloat p = (vfloat)(norm);
+  const vfloat sum = powr(fabs(x.x) * scale, p) + powr(fabs(x.y) * scale, p) + powr(fabs(x.z) * scale, p);
+  return most * powr(fmax(sum, 1.0f), (vfloat)(1.0f / norm));
+}
+
+vec3v across(vec3v g, vec3v slide) {
+  const vfloat along = dot3(g, slide);
+  g.x -= along * slide.x;
+  g.y -= along * slide.y;
+  g.z -= along * slide.z;
+  return g;
+}
+
+void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint wanted, int with_hessian, SkeletonSum* sum) {
+  const vfloat d = norm_of(x, e.norm);
+  const vfloat over_d = 1.0f / fmax(d, FLT_MIN);
+  const Profile f = profile(e, d * d);
+  const vfloat rx = diagonal_power(x.x, over_d, e.norm), ry = diagonal_power(x.y, over_d, e.norm),
+               rz = diagonal_power(x.z, over_d, e.norm);
+  vec3v v;  // grad d
+  v.x = select(copysign(rx * fmax(fabs(x.x) * over_d, LEAST_SHARE), x.x), (vfloat)(0.0f), x.x == 0.0f);
+  v.y = select(copysign(ry * fmax(fabs(x.y) * over_d, LEAST_SHARE), x.y), (vfloat)(0.0f), x.y == 0.0f);
+  v.z = select(copysign(rz * fmax(fabs(x.z) * over_d, LEAST_SHARE), x.z), (vfloat)(0.0f), x.z == 0.0f);
+  const vint live = wanted && (d > 0.0f);
+  const vfloat slope = select((vfloat)(0.0f), 2.0f * f.first * d, live);
+  vec3v g = {slope * v.x, slope * v.y, slope * v.z};
+  g = across(g, slide);
+  sum->value += select((vfloat)(0.0f), f.value, wanted);
+  sum->g.x += g.x;
+  sum->g.y += g.y;
+  sum->g.z += g.z;
+  if (!with_hessian) return;
+  const vfloat outer = 4.0f * f.second * d * d + 2.0f * f.first * (2.0f - e.norm);
+  const vfloat bend = 2.0f * f.first * (e.norm - 1.0f);
+  const vint steep = live && (f.first != 0.0f || f.second != 0.0f);
+  // keep h keep with keep = I - slide slide^T: rows first, then columns.
+  vec3v row_x = {outer * v.x * v.x + bend * rx, outer * v.x * v.y, outer * v.x * v.z};
+  vec3v row_y = {outer * v.y * v.x, outer * v.y * v.y + bend * ry, outer * v.y * v.z};
+  vec3v row_z = {outer * v.z * v.x, outer * v.z * v.y, outer * v.z * v.z + bend * rz};
+  row_x = across(row_x, slide);
+  row_y = across(row_y, slide);
+  row_z = across(row_z, slide);
+  vec3v column_x = {row_x.x, row_y.x, row_z.x};
+  vec3v column_y = {row_x.y, row_y.y, row_z.y};
+  vec3v column_z = {row_x.z, row_y.z, row_z.z};
+  column_x = across(column_x, slide);
+  column_y = across(column_y, slide);
+  column_z = across(column_z, slide);
+  sum->xx += select((vfloat)(0.0f), column_x.x, steep);
+  sum->yy += select((vfloat)(0.0f), column_y.y, steep);
+  sum->zz += select((vfloat)(0.0f), column_z.z, steep);
+  sum->xy += select((vfloat)(0.0f), column_y.x, steep);
+  sum->xz += select((vfloat)(0.0f), column_z.x, steep);
+  sum->yz += select((vfloat)(0.0f), column_z.y, steep);
+}
+#endif
+
+void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_hessian, SkeletonSum* sum) {
+  vec3v x = {p.x - e.a[0], p.y - e.a[1], p.z - e.a[2]};
+  vfloat inside = 0.0f;  // 1 where the nearest point is within the segment
+  if (e.over_length2 > 0.0f) {
+    const vfloat t = (x.x * e.ab[0] + x.y * e.ab[1] + x.z * e.ab[2]) * e.over_length2;
+    const vfloat held = clamp(t, 0.0f, 1.0f);
+    inside = select((vfloat)(0.0f), (vfloat)(1.0f), t > 0.0f && t < 1.0f);
+    x.x -= held * e.ab[0];
+    x.y -= held * e.ab[1];
+    x.z -= held * e.ab[2];
+  }
+#ifdef GENERAL_NORM
+  if (e.norm != 2.0f) {
+    const float unit = sqrt(e.over_length2);
+    const vec3v slide = {inside * (e.ab[0] * unit), inside * (e.ab[1] * unit), inside * (e.ab[2] * unit)};
+    add_general(e, x, slide, wanted, with_hessian, sum);
+    return;
+  }
+#endif
+  const Profile f = profile(e, dot3(x, x));
+  const vfloat slope = select((vfloat)(0.0f), 2.0f * f.first, wanted);
+  sum->value += select((vfloat)(0.0f), f.value, wanted);
+  sum->g.x = MUL_ADD(slope, x.x, sum->g.x);
+  sum->g.y = MUL_ADD(slope, x.y, sum->g.y);
+  sum->g.z = MUL_ADD(slope, x.z, sum->g.z);
+  if (!with_hessian) return;
+  // 4 f'' x x^T + 2 f' (I - slide slide^T): x is normal to the segment already.
+  const vfloat outer = select((vfloat)(0.0f), 4.0f * f.second, wanted);
+  const vfloat slid = slope * inside * e.over_length2;
+  sum->xx += outer * x.x * x.x + slope - slid * e.ab[0] * e.ab[0];
+  sum->yy += outer * x.y * x.y + slope - slid * e.ab[1] * e.ab[1];
+  sum->zz += outer * x.z * x.z + slope - slid * e.ab[2] * e.ab[2];
+  sum->xy += outer * x.x * x.y - slid * e.ab[0] * e.ab[1];
+  sum->xz += outer * x.x * x.z - slid * e.ab[0] * e.ab[2];
+  sum->yz += outer * x.y * x.z - slid * e.ab[1] * e.ab[2];
+}
+
+// Index of the list of each lane's cell; INT_MAX outside the grid.
+vint cell_of(FIELD_PARAMS, vec3v p) {
+  const vfloat x = floor((p.x - field.low[0]) * field.over_cell);
+  const vfloat y = floor((p.y - field.low[1]) * field.over_cell);
+  const vfloat z = floor((p.z - field.low[2]) * field.over_cell);
+  const vint within = x >= 0.0f && y >= 0.0f && z >= 0.0f && x < (float)field.size[0] && y < (float)field.size[1] &&
+                      z < (float)field.size[2];
+  // Lanes outside would overflow the conversion.
+  const vint i = TO_INT(select((vfloat)(0.0f), x, within));
+  const vint j = TO_INT(select((vfloat)(0.0f), y, within));
+  const vint k = TO_INT(select((vfloat)(0.0f), z, within));
+  return select((vint)(INT_MAX), (i * field.size[1] + j) * field.size[2] + k, within);
+}
+
+// Every lane adds the elements of its own lists in their order, whatever its neighbours are.
+SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
+  SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+  vint cells = cell_of(FIELD_ARGS, p);
+  vint wanted = ALL_LANES;
+  uint at = 0, end = field.always;
+  for (;;) {
+    for (; at < end; ++at) add_element(field_elements[field_list[at]], p, wanted, with_hessian, &sum);
+    const int cell = least(cells);
+    if (cell == INT_MAX) return sum;
+    wanted = cells == cell;
+    cells = select(cells, (vint)(INT_MAX), wanted);
+    at = field_first[cell];
+    end = field_first[cell + 1];
+  }
+}
+
+FieldValue field_sample(FIELD_PARAMS, vec3v p) {
+  const SkeletonSum sum = sum_elements(FIELD_ARGS, p, 0);
+  return (FieldValue){sum.value, sum.g};
+}
+
+// xx yy zz xy xz yz
+void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
+  const SkeletonSum sum = sum_elements(FIELD_ARGS, p, 1);
+  h[0] = sum.xx;
+  h[1] = sum.yy;
+  h[2] = sum.zz;
+  h[3] = sum.xy;
+  h[4] = sum.xz;
+  h[5] = sum.yz;
+}

@@ -1,0 +1,201 @@
+#include "core/field/skeleton_field.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "embedded/skeleton_field.cl.h"
+#include "kernels/device_field.h"
+
+namespace isoskin::opencl {
+namespace {
+
+constexpr std::size_t kLoopAll = 8;      // so few compact elements cost less than finding their cell
+constexpr int kMostCells = 64;           // along an axis of the grid of lists
+constexpr double kCellsPerReach = 2.0;   // cells along the mean radius
+constexpr double kRoundingSlack = 1e-3;  // of a cell: a point may be put in the next cell by rounding
+
+struct SkeletonElementData {  // SkeletonElement in skeleton_field.cl
+  float a[3];
+  float radius2;
+  float ab[3];
+  float over_length2;
+  float over_radius2;
+  float weight;
+  float radius;
+  float norm;
+  cl_int potential;
+  cl_int unused[3];
+};
+static_assert(sizeof(SkeletonElementData) == 64);
+
+struct SkeletonParams {
+  Origin origin;
+  float iso;
+  float low[3];
+  float over_cell;
+  cl_int size[3];
+  cl_uint always;
+};
+static_assert(sizeof(SkeletonParams) == 60);
+
+bool is_compact(const SkeletonElement& e) {
+  return e.potential == Potential::metaball || e.potential == Potential::wyvill;
+}
+
+/// Euclidean distance within which a compact element may be felt.
+double reach(const SkeletonElement& e) {
+  return e.radius * std::max(1.0, std::pow(3.0, 0.5 - 1.0 / e.norm));
+}
+
+double distance_to_segment(const DVec3& p, const SkeletonElement& e) {
+  const DVec3 ab = e.b - e.a;
+  const double length2 = glm::dot(ab, ab);
+  const double t = length2 > 0.0 ? std::clamp(glm::dot(p - e.a, ab) / length2, 0.0, 1.0) : 0.0;
+  return glm::length(p - (e.a + t * ab));
+}
+
+SkeletonElementData pack(const SkeletonElement& e, const DVec3& origin) {
+  const DVec3 a = e.a - origin, ab = e.b - e.a;
+  const double length2 = glm::dot(ab, ab);
+  const float over_length2 = static_cast<float>(1.0 / length2);
+  SkeletonElementData data{};
+  for (int i = 0; i < 3; ++i) data.a[i] = static_cast<float>(a[i]);
+  for (int i = 0; i < 3; ++i) data.ab[i] = static_cast<float>(ab[i]);
+  data.over_length2 = std::isfinite(over_length2) ? over_length2 : 0.0f;
+  data.radius2 = static_cast<float>(e.radius * e.radius);
+  data.over_radius2 = static_cast<float>(1.0 / (e.radius * e.radius));
+  data.weight = static_cast<float>(e.weight);
+  data.radius = static_cast<float>(e.radius);
+  data.norm = static_cast<float>(e.norm);
+  data.potential = static_cast<cl_int>(e.potential);
+  return data;
+}
+
+/// Elements in the order the kernel adds them: those that reach every point first, then by kind, so that the branch on
+/// the kind is foreseeable.
+std::vector<SkeletonElement> in_order(std::vector<SkeletonElement> elements) {
+  const auto key = [](const SkeletonElement& e) {
+    return std::tuple(is_compact(e), e.potential, e.a != e.b, e.norm != 2.0);
+  };
+  std::stable_sort(elements.begin(), elements.end(),
+                   [&](const SkeletonElement& a, const SkeletonElement& b) { return key(a) < key(b); });
+  return elements;
+}
+
+struct CellGrid {
+  DVec3 low{0.0};
+  double cell = 1.0;
+  IVec3 size{0};
+  std::vector<cl_uint> first{0};  // one a cell and one more: where its list begins
+  std::vector<cl_uint> list;
+};
+
+CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t compact_first) {
+  CellGrid grid;
+  grid.list.resize(compact_first);
+  std::iota(grid.list.begin(), grid.list.end(), 0u);
+  if (compact_first == elements.size()) return grid;
+
+  Box box;
+  double sum = 0.0;
+  for (std::size_t i = compact_first; i < elements.size(); ++i) {
+    const double r = reach(elements[i]);
+    for (const DVec3& end : {elements[i].a, elements[i].b}) box.add(Box{end - r, end + r});
+    sum += r;
+  }
+  const DVec3 extent = box.size();
+  const double wanted = sum / static_cast<double>(elements.size() - compact_first) / kCellsPerReach;
+  grid.cell = std::max(wanted, std::max({extent.x, extent.y, extent.z}) / kMostCells);
+  grid.low = box.low;
+  for (int i = 0; i < 3; ++i)
+    grid.size[i] = std::clamp(static_cast<int>(std::ceil(extent[i] / grid.cell)), 1, kMostCells + 1);
+
+  const auto for_each_cell = [&](std::size_t i, const auto& body) {
+    const SkeletonElement& e = elements[i];
+    const double near = reach(e) + grid.cell * (0.5 * std::sqrt(3.0) + kRoundingSlack);
+    const auto cell_of = [&](const DVec3& p) {
+      return glm::clamp(IVec3(glm::floor((p - grid.low) / grid.cell)), IVec3(0), grid.size - 1);
+    };
+    const IVec3 from = cell_of(glm::min(e.a, e.b) - reach(e) - kRoundingSlack * grid.cell);
+    const IVec3 to = cell_of(glm::max(e.a, e.b) + reach(e) + kRoundingSlack * grid.cell);
+    for (int x = from.x; x <= to.x; ++x)
+      for (int y = from.y; y <= to.y; ++y)
+        for (int z = from.z; z <= to.z; ++z)
+          if (distance_to_segment(grid.low + grid.cell * (DVec3(x, y, z) + 0.5), e) <= near)
+            body((static_cast<std::size_t>(x) * grid.size.y + y) * grid.size.z + z);
+  };
+  const std::size_t cells = static_cast<std::size_t>(grid.size.x) * grid.size.y * grid.size.z;
+  grid.first.assign(cells + 1, 0);
+  for (std::size_t i = compact_first; i < elements.size(); ++i)
+    for_each_cell(i, [&](std::size_t c) { ++grid.first[c + 1]; });
+  grid.first[0] = static_cast<cl_uint>(compact_first);
+  std::partial_sum(grid.first.begin(), grid.first.end(), grid.first.begin());
+  grid.list.resize(grid.first.back());
+  std::vector<cl_uint> at(grid.first.begin(), grid.first.end() - 1);
+  for (std::size_t i = compact_first; i < elements.size(); ++i)
+    for_each_cell(i, [&](std::size_t c) { grid.list[at[c]++] = static_cast<cl_uint>(i); });
+  return grid;
+}
+
+class SkeletonDeviceField final : public DeviceField {
+public:
+  explicit SkeletonDeviceField(Device& device)
+      : width_(device.vector_width()), elements_(device), first_(device), list_(device) {}
+
+  bool takes(const Field& field) const override { return dynamic_cast<const SkeletonField*>(&field) != nullptr; }
+
+  void upload(const Field& field) override {
+    const auto& skeleton = static_cast<const SkeletonField&>(field);
+    const std::vector<SkeletonElement> elements = in_order(skeleton.elements());
+    Box box;
+    for (const SkeletonElement& e : elements) {
+      box.add(e.a);
+      box.add(e.b);
+    }
+    const DVec3 origin = box.empty() ? DVec3(0.0) : box.center();
+    std::size_t compact_first = std::find_if(elements.begin(), elements.end(), is_compact) - elements.begin();
+    if (elements.size() - compact_first <= kLoopAll) compact_first = elements.size();
+    const CellGrid grid = cell_grid(elements, compact_first);
+
+    std::vector<SkeletonElementData> data;
+    for (const SkeletonElement& e : elements) data.push_back(pack(e, origin));
+    elements_.assign(data);
+    first_.assign(grid.first);
+    list_.assign(grid.list);
+    params_.origin = make_origin(origin);
+    params_.iso = static_cast<float>(skeleton.iso());
+    for (int i = 0; i < 3; ++i) params_.low[i] = static_cast<float>(grid.low[i] - origin[i]);
+    for (int i = 0; i < 3; ++i) params_.size[i] = grid.size[i];
+    params_.over_cell = static_cast<float>(1.0 / grid.cell);
+    params_.always = static_cast<cl_uint>(compact_first);
+    general_norm_ = std::any_of(elements.begin(), elements.end(), [](const auto& e) { return e.norm != 2.0; });
+  }
+
+  const char* source() const override { return source::skeleton_field; }
+  std::string build_options() const override {
+    return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "");
+  }
+  int width() const override { return width_; }
+  void bind(Device& device, const Kernel& kernel, cl_uint& slot) const override {
+    device.set_argument(kernel, slot, elements_);
+    device.set_argument(kernel, slot, first_);
+    device.set_argument(kernel, slot, list_);
+    device.set_argument(kernel, slot, params_);
+  }
+
+private:
+  int width_;
+  Array<SkeletonElementData> elements_;
+  Array<cl_uint> first_, list_;
+  SkeletonParams params_{};
+  bool general_norm_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceField> make_skeleton_device_field(Device& device) {
+  return std::make_unique<SkeletonDeviceField>(device);
+}
+
+}  // namespace isoskin::opencl
