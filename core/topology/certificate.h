@@ -11,19 +11,21 @@
 namespace isoskin {
 
 struct CertifyOptions {
-  double tolerance = 1.0;      // lattice corners with |F|/|grad F| beyond this (world units; a run: h, or e/2) must be on the right side
-  double least_piece = 0.0;    // pieces of the lattice's surface enclosing less volume than this may lack a mesh; see Tracker
+  double tolerance = 1.0;  // lattice corners farther from the surface than this must be on the right side; world units
+                           // (a run: one voxel, or e / 2)
+  double least_piece = 0.0;  // pieces of the lattice's surface enclosing less than this may lack a mesh, unless a
+                             // corner beyond tolerance is on the wrong side for it; world units^3
 };
 
 /// What is wrong with one mesh piece or one lattice piece.
 enum class Fault : std::uint8_t {
   none = 0,
-  wrong_side,      // a lattice corner beyond tolerance lies on the wrong side of this piece
-  euler,           // the Euler characteristics differ
-  merged,          // one mesh piece where the field has several
-  split,           // several mesh pieces where the field has one
-  spurious,        // a mesh piece where the field has no surface
-  missing,         // a lattice piece without a mesh
+  wrong_side,  // a lattice corner beyond tolerance lies on the wrong side of this piece
+  euler,       // the Euler characteristics differ
+  merged,      // one mesh piece where the field has several
+  split,       // several mesh pieces where the field has one
+  spurious,    // a mesh piece where the field has no surface
+  missing,     // a lattice piece without a mesh
 };
 const char* name(Fault fault);
 
@@ -36,15 +38,12 @@ struct Certificate {
   std::string summary() const;       // one line: counts by fault
 };
 
-/// Compares mesh and lattice. The winding number of the mesh at every lattice corner comes from crossings along lattice
-/// columns (exact predicates on shifted coordinates, so no corner is ever "on" the mesh); it must be 1 inside, 0
-/// outside. Pieces are matched through the cells their vertices lie in; a match must be one to one with equal Euler
-/// characteristic, else every piece of the cluster fails. Corners in space that no brick covers are checked only through
-/// pieces. Parallel and deterministic.
-Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
-                    const BrickLattice& lattice, const LatticeTopology& topology, const CertifyOptions& options);
-
-/// Winding number of the mesh at each corner of each brick, same layout as BrickLattice::value.
-std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice);
+/// Compares mesh and lattice; `field` is the one the lattice was sampled from. Sides: the winding number of the mesh
+/// must be 1 at lattice corners inside and 0 outside, everywhere in space, once they are farther than the tolerance
+/// (see check_sides). Topology: pieces are matched through the cells their vertices lie in (see match_pieces); a match
+/// must be one to one with equal Euler characteristic and sign of volume. Every piece of a cluster fails with it, so
+/// failed lattice pieces are where the failed mesh pieces were. Parallel and deterministic.
+Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
+                    const LatticeTopology& topology, const CertifyOptions& options);
 
 }  // namespace isoskin

@@ -1,0 +1,236 @@
+#include "core/topology/sides.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "core/field/grid_field.h"
+#include "core/topology/columns.h"
+
+namespace isoskin {
+namespace {
+
+constexpr int kCells = BrickLattice::kCells;
+constexpr int kCorners = BrickLattice::kCorners;
+constexpr int kValues = BrickLattice::kValues;
+constexpr std::size_t kSlopeBricks = 256;              // bricks the median slope is taken of, at least
+constexpr int kSamples = 64;                           // corners of a stretch without bricks that are evaluated
+constexpr double kLeastSlope = 0.5, kMostSlope = 2.0;  // of a grid of distances
+
+void mark(std::uint8_t& flag) {
+  std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed);
+}
+
+/// Median of the gradient's norm, by differences, over corners next to a crossing.
+double median_slope(const BrickLattice& lattice) {
+  constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
+  const std::size_t every = 1 + lattice.brick_count() / kSlopeBricks;
+  std::vector<double> slopes;
+  for (std::size_t b = 0; b < lattice.brick_count(); b += every)
+    for (int i = 0; i < kCells * kCells * kCells; ++i) {
+      const float* p = &lattice.value[b * kValues + ((i >> 6) * kCorners + (i >> 3 & 7)) * kCorners + (i & 7)];
+      double squared = 0.0;
+      bool crosses = false;
+      for (const int s : stride) {
+        crosses |= (p[0] > 0) != (p[s] > 0);
+        squared += (static_cast<double>(p[s]) - p[0]) * (static_cast<double>(p[s]) - p[0]);
+      }
+      if (crosses) slopes.push_back(std::sqrt(squared));
+    }
+  if (slopes.empty()) return 0.0;
+  std::nth_element(slopes.begin(), slopes.begin() + slopes.size() / 2, slopes.end());
+  return slopes[slopes.size() / 2] / lattice.spacing;
+}
+
+/// How far a value is from the surface.
+struct Far {
+  double threshold = 0.0;  // |F| beyond which a corner is far, gradients apart
+  double tolerance = 0.0;
+  bool distances = false;
+  double spacing = 1.0;
+
+  Far(const Field& field, const BrickLattice& lattice, double tolerance_)
+      : tolerance(tolerance_), spacing(lattice.spacing) {
+    const double slope = median_slope(lattice);
+    distances = dynamic_cast<const GridField*>(&field) && slope > kLeastSlope && slope < kMostSlope;
+    threshold = tolerance * (distances ? std::min(slope, 1.0) : slope);
+  }
+
+  bool operator()(const float* value, int x, int y, int z) const {
+    const double v = value[(x * kCorners + y) * kCorners + z];
+    if (std::abs(v) <= threshold) return false;
+    if (distances) return true;
+    const int at[3] = {x, y, z}, stride[3] = {kCorners * kCorners, kCorners, 1};
+    double squared = 0.0;
+    for (int a = 0; a < 3; ++a) {
+      const int low = at[a] > 0 ? -stride[a] : 0, high = at[a] < kCells ? stride[a] : 0;
+      const float* p = value + (x * kCorners + y) * kCorners + z;
+      const double slope = (p[high] - p[low]) / (spacing * (low && high ? 2 : 1));
+      squared += slope * slope;
+    }
+    return std::abs(v) > tolerance * std::sqrt(squared);
+  }
+};
+
+/// Everything a walk up the columns reads and reports to.
+struct Walk {
+  const TriangleMesh& mesh;
+  const MeshPieces& pieces;
+  const Field& field;
+  const BrickLattice& lattice;
+  const LatticeTopology& topology;
+  const MeshColumns& columns;
+  const Far far;
+  SideReport& report;
+  std::atomic<std::size_t> checked{0}, wrong{0};
+};
+
+/// One lattice column, from below everything to above everything.
+class Column {
+public:
+  Column(Walk& walk, std::size_t column, int row, Index next, Index end)
+      : walk_(walk), column_(walk.columns.column[column]), row_(row), next_(next), end_(end) {}
+
+  /// Corner z of a brick, with the crossing of the lattice edge below it.
+  void corner(Index brick, int z) {
+    const float* value = &walk_.lattice.value[std::size_t{brick} * kValues];
+    const bool inside = value[row_ * kCorners + z] > 0;
+    step(walk_.lattice.coordinate[brick].z * kCells + z, inside, brick, z);
+    if (mismatch_ == 0 || !walk_.far(value, x(), y(), z)) return;
+    far_ = true;
+    if (owned()) ++wrong;
+  }
+
+  /// Corners up to `last` that no brick covers: F keeps its sign.
+  void gap(std::int32_t last) {
+    while (next_ < end_ && crossing(next_).first <= last) {
+      const std::int32_t from = crossing(next_).first;
+      step(from, inside_, kNone, 0);
+      if (mismatch_ == 0) continue;
+      sample(from, next_ < end_ ? std::min(last, crossing(next_).first - 1) : last);
+    }
+  }
+  /// Corners from..last of a gap, when something was wrong before it already.
+  void gap_goes_on(std::int32_t from, std::int32_t last) {
+    if (mismatch_ != 0) sample(from, next_ < end_ ? std::min(last, crossing(next_).first - 1) : last);
+  }
+
+  std::size_t wrong = 0;
+
+private:
+  struct Causes {
+    Index first = 0, last = 0;  // crossings
+    Index piece = kNone;        // lattice piece whose crossing changed the sign
+  };
+
+  int x() const { return row_ / kCorners; }
+  int y() const { return row_ % kCorners; }
+  bool owned() const { return x() < kCells && y() < kCells; }
+  const ColumnCrossing& crossing(Index i) const { return walk_.columns.crossing[i]; }
+
+  void step(std::int32_t corner, bool inside, Index brick, int z) {
+    Causes causes{next_, next_, kNone};
+    for (; next_ < end_ && crossing(next_).first <= corner; ++next_) winding_ += crossing(next_).step;
+    causes.last = next_;
+    const bool turned = inside != inside_;
+    inside_ = inside;
+    const int mismatch = winding_ - inside;
+    if (mismatch == mismatch_) return;
+    if (turned && z > 0) {
+      const Index c = walk_.topology.crossing(brick, {x(), y(), z - 1}, 2);
+      if (c != kNone) causes.piece = walk_.topology.crossing_piece[c];
+    }
+    if (mismatch_ != 0 && far_) {
+      blame(begun_);
+      blame(causes);
+    }
+    begun_ = causes;
+    far_ = false;
+    mismatch_ = mismatch;
+  }
+
+  void sample(std::int32_t from, std::int32_t last) {
+    const std::int32_t stride = std::max(1, (last - from) / kSamples);
+    for (std::int32_t k = from; k <= last && !far_; k += stride) {
+      const IVec3 corner(column_.x * kCells + x(), column_.y * kCells + y(), k);
+      if (std::abs(walk_.field.value(walk_.lattice.point(corner))) <= walk_.far.threshold) continue;
+      far_ = true;
+      if (owned()) ++wrong;
+    }
+  }
+
+  void blame(const Causes& causes) {
+    for (Index i = causes.first; i < causes.last; ++i)
+      mark(walk_.report.mesh_piece[walk_.pieces.of_vertex[walk_.mesh.vertex[3 * crossing(i).triangle]]]);
+    if (causes.piece != kNone) mark(walk_.report.lattice_piece[causes.piece]);
+  }
+
+  Walk& walk_;
+  IVec3 column_;
+  int row_;
+  Index next_, end_;
+  int winding_ = 0, mismatch_ = 0;
+  bool inside_ = false, far_ = false;
+  Causes begun_;
+};
+
+void walk_column(Walk& walk, std::size_t c) {
+  constexpr std::int32_t kTop = std::numeric_limits<std::int32_t>::max();
+  const Index brick_end = walk.columns.first_brick[c + 1];
+  Index next = walk.columns.first[c];
+  std::size_t wrong = 0;
+  for (int row = 0; row < kCorners * kCorners; ++row) {
+    Index end = next;
+    while (end < walk.columns.first[c + 1] && walk.columns.crossing[end].row == row) ++end;
+    Column column(walk, c, row, next, end);
+    for (Index b = walk.columns.first_brick[c]; b < brick_end; ++b) {
+      const int low = walk.lattice.coordinate[b].z * kCells;
+      const bool adjoins =
+          b > walk.columns.first_brick[c] && walk.lattice.coordinate[b - 1].z + 1 == walk.lattice.coordinate[b].z;
+      if (!adjoins) {
+        if (b > walk.columns.first_brick[c])
+          column.gap_goes_on((walk.lattice.coordinate[b - 1].z + 1) * kCells + 1, low - 1);
+        column.gap(low - 1);
+      }
+      for (int z = adjoins ? 1 : 0; z < kCorners; ++z) column.corner(b, z);
+    }
+    column.gap(kTop);
+    wrong += column.wrong;
+    next = end;
+  }
+  walk.wrong.fetch_add(wrong, std::memory_order_relaxed);
+}
+
+std::size_t count_far(const BrickLattice& lattice, const Far& far) {
+  std::atomic<std::size_t> sum{0};
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lattice.brick_count(), 16), [&](const auto& range) {
+    std::size_t count = 0;
+    for (std::size_t b = range.begin(); b != range.end(); ++b)
+      for (int i = 0; i < kCells * kCells * kCells; ++i)
+        count += far(&lattice.value[b * kValues], i >> 6, i >> 3 & 7, i & 7);
+    sum.fetch_add(count, std::memory_order_relaxed);
+  });
+  return sum;
+}
+
+}  // namespace
+
+SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
+                       const BrickLattice& lattice, const LatticeTopology& topology, double tolerance) {
+  SideReport report;
+  report.mesh_piece.assign(pieces.count(), 0);
+  report.lattice_piece.assign(topology.piece_count(), 0);
+  const MeshColumns columns = cross_columns(mesh, lattice);
+  Walk walk{mesh, pieces, field, lattice, topology, columns, Far(field, lattice, tolerance), report};
+  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) { walk_column(walk, c); });
+  report.checked = count_far(lattice, walk.far);
+  report.wrong = walk.wrong;
+  return report;
+}
+
+}  // namespace isoskin
