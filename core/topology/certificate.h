@@ -7,6 +7,7 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
+#include "core/topology/columns.h"  // winding_numbers
 
 namespace isoskin {
 

@@ -1,0 +1,199 @@
+#include "core/sampling/brick_lattice.h"
+
+#include <cmath>
+#include <map>
+#include <random>
+#include <tuple>
+
+#include <gtest/gtest.h>
+
+#include "analytic_fields.h"
+#include "core/field/brick_builder.h"
+#include "core/field/grid_field.h"
+#include "core/field/skeleton_field.h"
+
+using namespace isoskin;
+
+namespace {
+
+struct LessCorner {
+  bool operator()(const IVec3& a, const IVec3& b) const { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
+};
+
+IVec3 local_corner(int i) {
+  return {i / 81, i / 9 % 9, i % 9};
+}
+
+/// Bricks are sorted and found; shared corners are equal bit for bit; every edge of mixed sign has its four cells; and
+/// at the corners of space that no brick covers F keeps its sign.
+void expect_sound(const BrickLattice& lattice, const Field& field, const Box& box) {
+  std::map<IVec3, float, LessCorner> value;
+  for (Index b = 0; b < lattice.brick_count(); ++b) {
+    ASSERT_EQ(lattice.find(lattice.coordinate[b]), b);
+    if (b > 0) {
+      ASSERT_TRUE(LessCorner()(lattice.coordinate[b - 1], lattice.coordinate[b]));
+    }
+    for (int i = 0; i < BrickLattice::kValues; ++i) {
+      const float v = lattice.value[std::size_t{b} * BrickLattice::kValues + i];
+      const auto [at, fresh] = value.emplace(lattice.coordinate[b] * 8 + local_corner(i), v);
+      ASSERT_EQ(at->second, v);
+    }
+  }
+  ASSERT_EQ(lattice.find(IVec3(1 << 19)), kNone);
+  const auto has_cell = [&](const IVec3& c) { return lattice.find({c.x >> 3, c.y >> 3, c.z >> 3}) != kNone; };
+  for (const auto& [corner, v] : value)
+    for (int axis = 0; axis < 3; ++axis) {
+      IVec3 end = corner;
+      ++end[axis];
+      const auto other = value.find(end);
+      if (other == value.end() || (other->second > 0) == (v > 0)) continue;
+      for (int i = 0; i < 4; ++i) {
+        IVec3 cell = corner;
+        cell[(axis + 1) % 3] -= i & 1;
+        cell[(axis + 2) % 3] -= i >> 1;
+        EXPECT_TRUE(has_cell(cell));
+      }
+    }
+  const IVec3 low(glm::floor((box.low - lattice.origin) / lattice.spacing)),
+      high(glm::ceil((box.high - lattice.origin) / lattice.spacing));
+  for (int x = low.x; x < high.x; ++x)
+    for (int y = low.y; y < high.y; ++y)
+      for (int z = low.z; z < high.z; ++z)
+        if (!has_cell({x, y, z})) {
+          const double here = field.value(lattice.point({x, y, z}));
+          for (int axis = 0; axis < 3; ++axis) {
+            IVec3 end(x, y, z);
+            ++end[axis];
+            EXPECT_EQ(here > 0, field.value(lattice.point(end)) > 0);
+          }
+        }
+}
+
+/// Values are those of the field. Beyond `plateau` a grid's constant blocks meet splines that ring a little: there both
+/// sides of the seam will do.
+void expect_values(const BrickLattice& lattice, const Field& field, double tolerance,
+                   double plateau = std::numeric_limits<double>::infinity()) {
+  for (std::size_t b = 0; b < lattice.brick_count(); ++b)
+    for (int i = 0; i < BrickLattice::kValues; ++i) {
+      const double expected = field.value(lattice.point(lattice.coordinate[b] * 8 + local_corner(i)));
+      const double allowed = std::abs(expected) > plateau ? 1e-3 : tolerance;
+      ASSERT_NEAR(lattice.value[b * BrickLattice::kValues + i], expected, allowed);
+    }
+}
+
+/// Blobs cut off at three voxels, as level sets are.
+std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed, int blocks = 4) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> place(6.0, 8.0 * blocks - 6.0), radius(0.8, 5.0);
+  std::vector<std::pair<DVec3, double>> balls;
+  for (int i = 0; i < 12; ++i) balls.emplace_back(DVec3(place(random), place(random), place(random)), radius(random));
+  BlockValues values;
+  values.low = IVec3(-2, 1, 0);
+  values.size = IVec3(blocks);
+  values.outside = -3.0f;
+  std::vector<std::vector<float>> storage;
+  for (int b = 0; b < blocks * blocks * blocks; ++b) {
+    const IVec3 block(b / (blocks * blocks), b / blocks % blocks, b % blocks);
+    std::vector<float> v(512);
+    for (int i = 0; i < 512; ++i) {
+      const DVec3 p(8 * block + IVec3(i / 64, i / 8 % 8, i % 8));
+      double best = -3.0;
+      for (const auto& [c, r] : balls) best = std::max(best, r - glm::length(p - c));
+      v[i] = float(std::min(best, 3.0));
+    }
+    storage.push_back(std::move(v));
+  }
+  for (const auto& v : storage) values.values.push_back(v.data());
+  values.constant.assign(storage.size(), -3.0f);
+  auto grid = std::make_shared<BrickGrid>(build_bricks(values, DVec3(0.3, -0.2, 0.1), 0.125, interpolation));
+  return std::make_shared<GridField>(std::move(grid));
+}
+
+struct Host {
+  std::unique_ptr<Backend> backend = make_reference_backend();
+  BrickLattice sample(std::shared_ptr<const Field> field, double spacing, std::size_t most = 1u << 20) {
+    backend->set_field(field);
+    return sample_lattice(*field, *backend, spacing, most);
+  }
+};
+
+}  // namespace
+
+TEST(BrickLattice, ClosedFormFieldsAreSampledWhereTheirSurfaceIs) {
+  Host host;
+  for (const double spacing : {0.11, 0.05}) {
+    const auto sphere = std::make_shared<analytic::SphereField>(DVec3(0.3, -4.2, 1.1), 0.7);
+    const BrickLattice lattice = host.sample(sphere, spacing);
+    expect_sound(lattice, *sphere, sphere->bounds().grown(10 * spacing));
+    expect_values(lattice, *sphere, 1e-5);
+    const auto torus = std::make_shared<analytic::TorusField>(1.0, 0.3);
+    expect_sound(host.sample(torus, spacing), *torus, torus->bounds().grown(10 * spacing));
+  }
+}
+
+TEST(BrickLattice, SkipsSpaceAwayFromTheSurface) {
+  Host host;
+  const auto sphere = std::make_shared<analytic::SphereField>(DVec3(0.0), 1.0);
+  const BrickLattice lattice = host.sample(sphere, 0.01);
+  const double area_in_bricks = 4.0 * M_PI / (0.08 * 0.08);
+  EXPECT_LT(lattice.brick_count(), 4.0 * area_in_bricks);
+}
+
+TEST(BrickLattice, SkeletonFields) {
+  Host host;
+  const auto field = std::make_shared<SkeletonField>(
+      std::vector<SkeletonElement>{{.a = DVec3(0), .b = DVec3(0)}, {.a = DVec3(1.1, 0, 0), .b = DVec3(1.1, 1, 0)}},
+      0.2);
+  const BrickLattice lattice = host.sample(field, 0.06);
+  expect_sound(lattice, *field, field->bounds());
+  expect_values(lattice, *field, 1e-5);
+}
+
+TEST(BrickLattice, GridsAtPartsOfAVoxelEqualTheirDefinition) {
+  Host host;
+  for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic})
+    for (const int parts : {1, 2, 4}) {
+      const auto field = make_grid(interpolation, 5);
+      const BrickLattice lattice = host.sample(field, field->grid()->h / parts);
+      SCOPED_TRACE(parts);
+      ASSERT_GT(lattice.brick_count(), 0u);
+      EXPECT_EQ(lattice.origin, field->grid()->origin);
+      expect_values(lattice, *field, 1e-6, 2.9);
+      expect_sound(lattice, *field, field->bounds().grown(1.0));
+    }
+}
+
+TEST(BrickLattice, GridsAtAnyOtherSpacingGoThroughTheBackend) {
+  Host host;
+  const auto field = make_grid(Interpolation::cubic, 6);
+  for (const double spacing : {field->grid()->h / 3, 1.3 * field->grid()->h}) {
+    const BrickLattice lattice = host.sample(field, spacing);
+    expect_values(lattice, *field, 1e-5, 2.9);
+    expect_sound(lattice, *field, field->bounds());
+  }
+}
+
+TEST(BrickLattice, VoxelCentresAreLatticeCorners) {
+  Host host;
+  const auto field = make_grid(Interpolation::cubic, 7);
+  const BrickLattice lattice = host.sample(field, field->grid()->h / 2);
+  EXPECT_EQ(lattice.point(IVec3(2, -4, 6)), field->grid()->origin + field->grid()->h * DVec3(1, -2, 3));
+}
+
+TEST(BrickLattice, AFieldWithoutASurfaceHasNoBricks) {
+  Host host;
+  EXPECT_EQ(host.sample(std::make_shared<analytic::SphereField>(DVec3(0.0), -1.0), 0.1).brick_count(), 0u);
+}
+
+TEST(BrickLattice, AbsurdSpacingsAreRefused) {
+  Host host;
+  const auto sphere = std::make_shared<analytic::SphereField>();
+  for (const double spacing : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity(), 1e-9})
+    EXPECT_THROW(host.sample(sphere, spacing), InputError) << spacing;
+  EXPECT_THROW(host.sample(sphere, 0.01, 100), InputError);
+}
+
+TEST(BrickLattice, AnOpenSurfaceIsRefused) {
+  Host host;
+  EXPECT_THROW(host.sample(std::make_shared<analytic::PlaneField>(DVec3(0, 0, 1)), 0.1), InputError);
+}
