@@ -1,0 +1,243 @@
+#include "core/topology/critical_points.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/parallel.h"
+
+namespace isoskin {
+namespace {
+
+// Eigenvalues this much smaller than the largest are taken as this large in a Newton step: the step stays finite.
+constexpr double kLeastCurvature = 1e-6;
+
+DVec3 newton_step(const SymmetricEigen& hessian, const DVec3& gradient) {
+  const double most = std::max(std::abs(hessian.values[0]), std::abs(hessian.values[2]));
+  if (!(most > 0.0)) return DVec3(0.0);
+  DVec3 step(0.0);
+  for (int i = 0; i < 3; ++i) {
+    const double size = std::max(std::abs(hessian.values[i]), kLeastCurvature * most);
+    const DVec3& v = hessian.vectors[i];
+    step -= glm::dot(v, gradient) / std::copysign(size, hessian.values[i]) * v;
+  }
+  return step;
+}
+
+/// What one Newton search remembers between evaluations; both precisions run the same steps.
+class NewtonSearch {
+public:
+  enum class State : std::uint8_t { running, settled, failed };
+
+  NewtonSearch(const DVec3& seed, const CriticalOptions& options)
+      : seed_(seed), best_(seed), next_(seed), trust_(options.max_step * options.edge_length) {}
+
+  const DVec3& next() const { return next_; }
+  const DVec3& best() const { return best_; }
+  State state() const { return state_; }
+
+  /// Takes the gradient and Hessian at next(): goes on from there if the gradient has fallen, else retries shorter.
+  void advance(const DVec3& gradient, const DMat3& hessian, const CriticalOptions& options, double settled) {
+    const double e = options.edge_length;
+    const double size = glm::length(gradient);
+    if (!std::isfinite(size) || ++evaluations_ > options.iterations) return fail();
+    if (size < best_gradient_) {
+      best_ = next_;
+      best_gradient_ = size;
+      step_ = newton_step(symmetric_eigen(hessian), gradient);
+      if (size > 0.0 && step_ == DVec3(0.0)) return fail();     // a slope without curvature
+      if (size == 0.0 && hessian == DMat3(0.0)) return fail();  // F is constant here
+      trust_ = std::min(2.0 * trust_, options.max_step * e);
+    } else {
+      trust_ = 0.5 * std::min(trust_, glm::length(step_));
+    }
+    const double length = glm::length(step_);
+    if (length <= settled * e) {
+      state_ = State::settled;
+      return;
+    }
+    if (trust_ <= settled * e) return fail();  // a least gradient that is not zero
+    next_ = best_ + std::min(1.0, trust_ / length) * step_;
+    if (glm::length(next_ - seed_) > options.reach * e) fail();
+  }
+
+private:
+  void fail() { state_ = State::failed; }
+
+  DVec3 seed_, best_, next_, step_{0.0};
+  double best_gradient_ = std::numeric_limits<double>::infinity();
+  double trust_;
+  int evaluations_ = 0;
+  State state_ = State::running;
+};
+
+CriticalPoint describe(const Field& field, const DVec3& p, const CriticalOptions& options) {
+  CriticalPoint point;
+  point.position = p;
+  point.value = field.value(p);
+  point.hessian = symmetric_eigen(field.hessian(p));
+  point.kind = classify(point.hessian.values, options.degenerate_ratio);
+  return point;
+}
+
+bool before(const DVec3& a, const DVec3& b) {
+  return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
+}
+
+/// Runs all searches in lockstep: one batch of evaluations a round.
+void search_in_batches(Backend& backend, std::vector<NewtonSearch>& searches, const CriticalOptions& options) {
+  std::vector<Index> running(searches.size());
+  std::iota(running.begin(), running.end(), Index(0));
+  std::vector<Vec3> points, gradients;
+  std::vector<float> values, hessians;
+  while (!running.empty()) {
+    points.resize(running.size());
+    for (std::size_t i = 0; i < running.size(); ++i) points[i] = Vec3(searches[running[i]].next());
+    values.resize(points.size());
+    gradients.resize(points.size());
+    hessians.resize(6 * points.size());
+    backend.evaluate(points, values, gradients);
+    backend.evaluate_hessian(points, hessians);
+    for_each_index(running.size(), [&](std::size_t i) {
+      const float* h = &hessians[6 * i];
+      const DMat3 hessian(h[0], h[3], h[4], h[3], h[1], h[5], h[4], h[5], h[2]);
+      searches[running[i]].advance(DVec3(gradients[i]), hessian, options, options.settled);
+    });
+    std::erase_if(running, [&](Index i) { return searches[i].state() != NewtonSearch::State::running; });
+  }
+}
+
+}  // namespace
+
+const char* name(CriticalKind kind) {
+  switch (kind) {
+    case CriticalKind::maximum:
+      return "maximum";
+    case CriticalKind::two_saddle:
+      return "two_saddle";
+    case CriticalKind::one_saddle:
+      return "one_saddle";
+    case CriticalKind::minimum:
+      return "minimum";
+    case CriticalKind::degenerate:
+      return "degenerate";
+  }
+  return "";
+}
+
+SymmetricEigen symmetric_eigen(const DMat3& m) {
+  DMat3 a = m, v(1.0);
+  constexpr int kSweeps = 32;  // converges quadratically: 5 or 6 are used
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    const double off = std::abs(a[1][0]) + std::abs(a[2][0]) + std::abs(a[2][1]);
+    if (off <= 1e-300) break;
+    for (const auto& [p, q] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
+      if (a[q][p] == 0.0) continue;
+      const double theta = (a[q][q] - a[p][p]) / (2.0 * a[q][p]);
+      const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::hypot(theta, 1.0));
+      const double c = 1.0 / std::hypot(t, 1.0), s = t * c;
+      DMat3 turn(1.0);
+      turn[p][p] = turn[q][q] = c;
+      turn[q][p] = s;
+      turn[p][q] = -s;
+      a = glm::transpose(turn) * a * turn;
+      a[q][p] = a[p][q] = 0.0;
+      v = v * turn;
+    }
+  }
+  int order[3] = {0, 1, 2};
+  std::sort(order, order + 3, [&](int i, int j) { return a[i][i] != a[j][j] ? a[i][i] < a[j][j] : i < j; });
+  SymmetricEigen eigen;
+  for (int i = 0; i < 3; ++i) {
+    eigen.values[i] = a[order[i]][order[i]];
+    eigen.vectors[i] = glm::normalize(v[order[i]]);
+  }
+  if (glm::determinant(eigen.vectors) < 0.0) eigen.vectors[2] = -eigen.vectors[2];
+  return eigen;
+}
+
+CriticalKind classify(const DVec3& eigenvalues, double ratio) {
+  const DVec3 size = glm::abs(eigenvalues);
+  const double most = std::max({size.x, size.y, size.z});
+  if (!(std::min({size.x, size.y, size.z}) > ratio * most)) return CriticalKind::degenerate;
+  const int positive = (eigenvalues.x > 0.0) + (eigenvalues.y > 0.0) + (eigenvalues.z > 0.0);
+  constexpr CriticalKind kKinds[4] = {CriticalKind::maximum, CriticalKind::two_saddle, CriticalKind::one_saddle,
+                                      CriticalKind::minimum};
+  return kKinds[positive];
+}
+
+std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVec3& seed,
+                                                   const CriticalOptions& options) {
+  NewtonSearch search(seed, options);
+  while (search.state() == NewtonSearch::State::running)
+    search.advance(field.sample(search.next()).gradient, field.hessian(search.next()), options, options.exact);
+  const CriticalPoint point = describe(field, search.best(), options);
+  if (search.state() == NewtonSearch::State::settled) return point;
+  // Newton only creeps toward a degenerate point; near enough is all that can be said of it.
+  if (point.kind != CriticalKind::degenerate || point.hessian.values == DVec3(0.0)) return std::nullopt;
+  const double most = std::max(std::abs(point.hessian.values[0]), std::abs(point.hessian.values[2]));
+  const double slope = glm::length(field.sample(point.position).gradient);
+  const bool flat = slope <= most * options.degenerate_ratio * options.settled * options.edge_length;
+  return flat ? std::optional(point) : std::nullopt;
+}
+
+CriticalSearch find_critical_points(const Field& field, Backend& backend, std::span<const DVec3> seeds,
+                                    const CriticalOptions& options) {
+  std::vector<NewtonSearch> searches;
+  searches.reserve(seeds.size());
+  for (const DVec3& seed : seeds) searches.emplace_back(seed, options);
+  search_in_batches(backend, searches, options);
+  std::vector<std::optional<CriticalPoint>> polished(seeds.size());
+  for_each_index(seeds.size(), [&](std::size_t i) {
+    if (searches[i].state() == NewtonSearch::State::failed) return;
+    polished[i] = refine_critical_point(field, searches[i].best(), options);
+  });
+  CriticalSearch found;
+  found.seeds = seeds.size();
+  for (const auto& point : polished)
+    if (point)
+      found.points.push_back(*point);
+    else
+      ++found.rejected;
+  merge_critical_points(found.points, options.merge * options.edge_length);
+  found.degenerate = std::size_t(std::count_if(found.points.begin(), found.points.end(), [](const CriticalPoint& p) {
+    return p.kind == CriticalKind::degenerate;
+  }));
+  return found;
+}
+
+std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend) {
+  const std::vector<Vec3>& position = mesh.vertices.position;
+  std::vector<float> values(position.size()), slope(position.size());
+  std::vector<Vec3> gradients(position.size());
+  backend.evaluate(position, values, gradients);
+  for_each_index(position.size(), [&](std::size_t v) { slope[v] = glm::length(gradients[v]); });
+  const VertexCorners corners = vertex_corners(mesh);
+  std::vector<std::uint8_t> least(position.size());
+  for_each_index(position.size(), [&](std::size_t v) {
+    least[v] = corners.first[v] < corners.first[v + 1];
+    for (Index i = corners.first[v]; i < corners.first[v + 1]; ++i)
+      if (slope[mesh.to(corners.corner[i])] < slope[v]) least[v] = 0;
+  });
+  std::vector<DVec3> seeds;
+  for (std::size_t v = 0; v < position.size(); ++v)
+    if (least[v]) seeds.emplace_back(position[v]);
+  return seeds;
+}
+
+void merge_critical_points(std::vector<CriticalPoint>& points, double distance) {
+  std::sort(points.begin(), points.end(),
+            [](const CriticalPoint& a, const CriticalPoint& b) { return before(a.position, b.position); });
+  std::vector<CriticalPoint> kept;
+  std::size_t window = 0;  // kept points before it are too far along x
+  for (const CriticalPoint& point : points) {
+    while (window < kept.size() && kept[window].position.x < point.position.x - distance) ++window;
+    const bool known = std::any_of(kept.begin() + std::ptrdiff_t(window), kept.end(), [&](const CriticalPoint& k) {
+      return glm::distance(k.position, point.position) <= distance;
+    });
+    if (!known) kept.push_back(point);
+  }
+  points = std::move(kept);
+}
+
+}  // namespace isoskin
