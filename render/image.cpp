@@ -1,6 +1,7 @@
 #include "render/image.h"
 
 #include <ImfChannelList.h>
+#include <ImfFloatAttribute.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfIO.h>
@@ -20,6 +21,14 @@ namespace isoskin {
 namespace {
 
 constexpr std::size_t kMaxPixels = std::size_t{1} << 28;  // a header that asks for more is corrupt
+
+constexpr const char* kUnit = "isoskin.unit";
+constexpr const char* kDepthTolerance = "isoskin.depth_tolerance";
+
+float float_attribute(const Imf::Header& header, const char* name) {
+  const auto* attribute = header.findTypedAttribute<Imf::FloatAttribute>(name);
+  return attribute ? attribute->value() : 0.0f;
+}
 
 // Collects what OpenEXR writes, so that one write_file_atomically serves every format.
 class MemoryStream final : public Imf::OStream {
@@ -82,6 +91,8 @@ void save_exr(const std::filesystem::path& path, const Image& image, const std::
   Imf::Header header(image.width, image.height);
   header.compression() = Imf::ZIP_COMPRESSION;
   if (!comments.empty()) Imf::addComments(header, comments);
+  header.insert(kUnit, Imf::FloatAttribute(image.unit));
+  header.insert(kDepthTolerance, Imf::FloatAttribute(image.depth_tolerance));
   Imf::FrameBuffer frame;
   for (const auto& [name, data] : image.channel) {
     header.channels().insert(name, Imf::Channel(Imf::FLOAT));
@@ -111,6 +122,8 @@ Image load_exr(const std::filesystem::path& path) {
     Image image;
     image.width = static_cast<int>(columns);
     image.height = static_cast<int>(rows);
+    image.unit = float_attribute(file.header(), kUnit);
+    image.depth_tolerance = float_attribute(file.header(), kDepthTolerance);
     Imf::FrameBuffer frame;
     const auto& channels = file.header().channels();
     for (auto c = channels.begin(); c != channels.end(); ++c) {

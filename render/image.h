@@ -24,6 +24,8 @@ namespace isoskin {
 struct Image {
   int width = 0, height = 0;
   std::map<std::string, std::vector<float>> channel;  // width * height floats each, row by row from the top
+  float unit = 0.0f;             // what depth errors are told in: the field's voxel, or e; world units; 0: not known
+  float depth_tolerance = 0.0f;  // units by which a mesh and its field may differ in depth; 0: not known
 
   std::size_t pixels() const { return static_cast<std::size_t>(width) * height; }
   bool has(const std::string& name) const { return channel.contains(name); }
@@ -41,7 +43,8 @@ struct VectorChannels {
   const std::vector<float>*x, *y, *z;
 };
 
-/// Writes every channel as 32-bit float (ZIP compressed scanlines), atomically. Throws InputError naming the file when
+/// Writes every channel as 32-bit float (ZIP compressed scanlines), atomically; unit and depth_tolerance as attributes
+/// `isoskin.unit` and `isoskin.depth_tolerance`. Throws InputError naming the file when
 /// it cannot be written; std::invalid_argument when a channel's size is not width * height.
 void save_exr(const std::filesystem::path& path, const Image& image, const std::string& comments = "");
 

@@ -393,7 +393,8 @@ std::shared_ptr<const GridField> load_grid(const fs::path& file, const GridOptio
 std::vector<GridInfo> grid_info(const fs::path& path) {
   return with_file(path, [&](openvdb::io::File& file) {
     std::vector<GridInfo> infos;
-    for (const auto& grid : *file.getGrids()) {
+    const openvdb::GridPtrVecPtr grids = file.getGrids();
+    for (const auto& grid : *grids) {
       const openvdb::CoordBBox box = grid->evalActiveVoxelBoundingBox();
       infos.push_back({grid->getName(), grid->valueType(), openvdb::GridBase::gridClassToString(grid->getGridClass()),
                        grid->voxelSize().x(), static_cast<std::size_t>(grid->activeVoxelCount()), to_ivec(box.min()),
