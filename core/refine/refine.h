@@ -10,8 +10,8 @@
 namespace isoskin {
 
 struct RefineOptions {
-  float angle = 18.0f;  // alpha_r, degrees: split where normals differ by more
-  int passes = 4;       // N_p, at most
+  float angle = 18.0f;    // alpha_r, degrees: split where normals differ by more
+  int passes = 4;         // N_p, at most
   float shortest = 0.0f;  // no edge shorter than this is split, world units
 };
 
@@ -27,9 +27,10 @@ struct RefineReport {
 /// .velocity are interpolated; ids of new vertices are fresh but not persistent (from mesh.next_id on).
 struct GeometricMesh {
   TriangleMesh mesh;
-  std::vector<Vec3> normal;            // outward unit field normals, one a vertex
-  std::vector<Index> parent_triangle;  // per geometric triangle: the mechanical triangle it came from
-  std::vector<std::array<Index, 2>> parent_edge;  // per vertex: the two vertices (of this mesh) whose midpoint it was; itself twice for a mechanical vertex
+  std::vector<Vec3> normal;                       // outward unit field normals, one a vertex
+  std::vector<Index> parent_triangle;             // per geometric triangle: the mechanical triangle it came from
+  std::vector<std::array<Index, 2>> parent_edge;  // per vertex: the two vertices (of this mesh) whose midpoint it was;
+                                                  // itself twice for a mechanical vertex
 };
 
 /// Marks, splits 1-to-2, 1-to-3 (the diagonal that follows lower curvature) and 1-to-4, projects; no T-vertices. A new

@@ -1,0 +1,313 @@
+#include "core/refine/refine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "core/parallel.h"
+#include "core/refine/split_pattern.h"
+
+namespace isoskin {
+namespace {
+
+constexpr float kMaxTravel = 0.5f;  // a new point farther from its edge's middle than this times the edge stays there
+constexpr float kNoArea = 1e-6f;    // twice the area over the longest edge squared, below which a child is degenerate
+
+Vec3 unit_outward(const Vec3& gradient) {
+  return Vec3(outward_normal(DVec3(gradient)));
+}
+
+void evaluate_normals(Backend& backend, std::span<const Vec3> points, std::span<Vec3> normals) {
+  std::vector<float> values(points.size());
+  backend.evaluate(points, values, normals);
+  for_each_index(points.size(), [&](std::size_t i) { normals[i] = unit_outward(normals[i]); });
+}
+
+/// True when two unit normals differ by more than the angle; a zero normal tells nothing.
+bool differ(const Vec3& a, const Vec3& b, float cosine) {
+  return glm::dot(a, b) < cosine && a != Vec3(0.0f) && b != Vec3(0.0f);
+}
+
+/// One refinement in progress.
+class Refinement {
+public:
+  Refinement(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
+             const ProjectOptions& project)
+      : backend_(backend),
+        project_(project),
+        cosine_(float(std::cos(double(options.angle) * std::numbers::pi / 180.0))),
+        shortest_(options.shortest) {
+    out_.mesh = mechanical;
+    const std::size_t vertices = mechanical.vertex_count(), triangles = mechanical.triangle_count();
+    out_.normal.resize(vertices);
+    evaluate_normals(backend, mechanical.vertices.position, out_.normal);
+    out_.parent_triangle.resize(triangles);
+    std::iota(out_.parent_triangle.begin(), out_.parent_triangle.end(), Index{0});
+    out_.parent_edge.resize(vertices);
+    for_each_index(vertices, [&](std::size_t v) { out_.parent_edge[v] = {Index(v), Index(v)}; });
+    centroid_normal_.resize(triangles);
+    std::vector<Index> all(triangles);
+    std::iota(all.begin(), all.end(), Index{0});
+    evaluate_centroids(all);
+  }
+
+  /// One pass; false when nothing was marked.
+  bool pass() {
+    mark_edges();
+    if (new_edge_.empty()) return false;
+    add_midpoints();
+    place_new_points();
+    keep_from_folding();
+    split_triangles();
+    return true;
+  }
+
+  GeometricMesh finish() {
+    replace_zero_normals();
+    return std::move(out_);
+  }
+
+  std::size_t quasi_critical() const { return quasi_critical_; }
+
+private:
+  const TriangleMesh& mesh() const { return out_.mesh; }
+  const Vec3& position(Index v) const { return out_.mesh.vertices.position[v]; }
+  bool canonical(Index h) const { return h < mesh().twin[h]; }
+
+  void evaluate_centroids(const std::vector<Index>& triangles) {
+    std::vector<Vec3> points(triangles.size()), normals(triangles.size());
+    for_each_index(triangles.size(), [&](std::size_t i) {
+      const Index* v = &mesh().vertex[3 * std::size_t(triangles[i])];
+      points[i] = (position(v[0]) + position(v[1]) + position(v[2])) / 3.0f;
+    });
+    evaluate_normals(backend_, points, normals);
+    for_each_index(triangles.size(), [&](std::size_t i) { centroid_normal_[triangles[i]] = normals[i]; });
+  }
+
+  /// Fills middle_ (the new vertex of each halfedge's edge, or kNone) and new_edge_ (one halfedge of each marked edge).
+  void mark_edges() {
+    const std::size_t halfedges = mesh().vertex.size();
+    std::vector<std::uint8_t> turns(halfedges), marked(halfedges);
+    for_each_index(halfedges, [&](std::size_t h) {
+      turns[h] = differ(centroid_normal_[h / 3], centroid_normal_[mesh().twin[h] / 3], cosine_);
+    });
+    for_each_index(halfedges, [&](std::size_t i) {
+      const Index h = Index(i), twin = mesh().twin[i];
+      if (!canonical(h)) return;
+      const Index a = mesh().from(h), b = mesh().to(h);
+      const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) || turns[TriangleMesh::next(h)] ||
+                          turns[TriangleMesh::prev(h)] || turns[TriangleMesh::next(twin)] ||
+                          turns[TriangleMesh::prev(twin)];
+      const float length = glm::length(position(b) - position(a));
+      marked[i] = wanted && length >= shortest_ && length > 0.0f;
+    });
+    new_edge_.clear();
+    middle_.assign(halfedges, kNone);
+    const Index first = Index(mesh().vertex_count());
+    for (std::size_t h = 0; h < halfedges; ++h) {
+      if (!marked[h]) continue;
+      middle_[h] = middle_[mesh().twin[h]] = first + Index(new_edge_.size());
+      new_edge_.push_back(Index(h));
+    }
+  }
+
+  Vec3 midpoint(Index h) const { return 0.5f * (position(mesh().from(h)) + position(mesh().to(h))); }
+
+  void add_midpoints() {
+    const std::size_t first = mesh().vertex_count(), count = new_edge_.size();
+    VertexTable& table = out_.mesh.vertices;
+    table.resize(first + count);
+    out_.normal.resize(first + count);
+    out_.parent_edge.resize(first + count);
+    for_each_index(count, [&](std::size_t i) {
+      const Index h = new_edge_[i], a = mesh().from(h), b = mesh().to(h);
+      const std::size_t v = first + i;
+      table.position[v] = midpoint(h);
+      table.rest[v] = 0.5f * (table.rest[a] + table.rest[b]);
+      table.velocity[v] = 0.5f * (table.velocity[a] + table.velocity[b]);
+      table.age[v] = std::min(table.age[a], table.age[b]);
+      table.id[v] = out_.mesh.next_id + Index(i);
+      out_.parent_edge[v] = {a, b};
+    });
+    out_.mesh.next_id += Index(count);
+  }
+
+  std::span<Vec3> new_positions() { return std::span(out_.mesh.vertices.position).last(new_edge_.size()); }
+  std::span<Vec3> new_normals() { return std::span(out_.normal).last(new_edge_.size()); }
+
+  void place_new_points() {
+    const std::span<Vec3> points = new_positions();
+    std::vector<ProjectStatus> status(points.size());
+    quasi_critical_ += backend_.project(points, project_, status).quasi_critical;
+    for_each_index(points.size(), [&](std::size_t i) {
+      const Index h = new_edge_[i];
+      const float edge = glm::length(position(mesh().to(h)) - position(mesh().from(h)));
+      if (!(glm::length(points[i] - midpoint(h)) <= kMaxTravel * edge)) points[i] = midpoint(h);
+    });
+    evaluate_normals(backend_, points, new_normals());
+  }
+
+  /// The global vertex of a pattern's local one.
+  Index vertex_of(std::size_t t, int local) const {
+    return local < 3 ? mesh().vertex[3 * t + local] : middle_[3 * t + local - 3];
+  }
+
+  unsigned marks_of(std::size_t t) const {
+    return unsigned(middle_[3 * t] != kNone) | unsigned(middle_[3 * t + 1] != kNone) << 1 |
+           unsigned(middle_[3 * t + 2] != kNone) << 2;
+  }
+
+  /// Of the two diagonals of a 1-to-3 split the one whose end normals differ less; of equal ones the shorter.
+  const SplitPattern& pattern_of(std::size_t t) const {
+    const unsigned marked = marks_of(t);
+    if (marked != 3 && marked != 5 && marked != 6) return split_pattern(marked, false);
+    const int k = first_marked_edge(marked);
+    const Index a = vertex_of(t, k), b = vertex_of(t, 3 + (k + 1) % 3);
+    const Index c = vertex_of(t, (k + 2) % 3), d = vertex_of(t, 3 + k);
+    const float bend1 = glm::dot(out_.normal[a], out_.normal[b]), bend2 = glm::dot(out_.normal[c], out_.normal[d]);
+    const float length1 = glm::length(position(b) - position(a)), length2 = glm::length(position(d) - position(c));
+    return split_pattern(marked, bend2 > bend1 || (bend2 == bend1 && length2 < length1));
+  }
+
+  bool folded(const std::array<Index, 3>& v) const {
+    const Vec3 ab = position(v[1]) - position(v[0]), ac = position(v[2]) - position(v[0]);
+    const Vec3 bc = position(v[2]) - position(v[1]), normal = glm::cross(ab, ac);
+    const float longest2 = std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)});
+    if (glm::length(normal) <= kNoArea * longest2) return true;
+    return glm::dot(normal, out_.normal[v[0]]) < 0.0f && glm::dot(normal, out_.normal[v[1]]) < 0.0f &&
+           glm::dot(normal, out_.normal[v[2]]) < 0.0f;
+  }
+
+  /// Puts new points of folded children back on their edges until there is none that this can help. Points only ever go
+  /// back, so it ends.
+  void keep_from_folding() {
+    std::vector<std::uint8_t> bad(mesh().triangle_count());  // bit k: the new vertex of edge k has to go back
+    std::vector<std::uint8_t> back(new_edge_.size(), 0);
+    for (;;) {
+      for_each_index(bad.size(), [&](std::size_t t) { bad[t] = folded_edges(t); });
+      std::vector<Index> reverted;
+      for (std::size_t i = 0; i < new_edge_.size(); ++i) {
+        const Index h = new_edge_[i], twin = mesh().twin[h];
+        if (back[i] || !((bad[h / 3] >> h % 3 & 1) || (bad[twin / 3] >> twin % 3 & 1))) continue;
+        back[i] = 1;
+        reverted.push_back(Index(i));
+      }
+      if (reverted.empty()) return;
+      put_back(reverted);
+    }
+  }
+
+  std::uint8_t folded_edges(std::size_t t) const {
+    if (marks_of(t) == 0) return 0;
+    const SplitPattern& pattern = pattern_of(t);
+    unsigned edges = 0;
+    for (int child = 0; child < pattern.count; ++child) {
+      const std::int8_t* local = &pattern.corner[3 * child];
+      if (!folded({vertex_of(t, local[0]), vertex_of(t, local[1]), vertex_of(t, local[2])})) continue;
+      for (int k = 0; k < 3; ++k) edges |= local[k] >= 3 ? 1u << (local[k] - 3) : 0u;
+    }
+    return std::uint8_t(edges);
+  }
+
+  void put_back(const std::vector<Index>& new_points) {
+    std::vector<Vec3> points(new_points.size()), normals(new_points.size());
+    for_each_index(points.size(), [&](std::size_t i) { points[i] = midpoint(new_edge_[new_points[i]]); });
+    evaluate_normals(backend_, points, normals);
+    for_each_index(points.size(), [&](std::size_t i) {
+      new_positions()[new_points[i]] = points[i];
+      new_normals()[new_points[i]] = normals[i];
+    });
+  }
+
+  /// Replaces every triangle by its children, in order, and links them.
+  void split_triangles() {
+    const std::size_t triangles = mesh().triangle_count();
+    std::vector<const SplitPattern*> patterns(triangles);
+    std::vector<Index> first(triangles + 1, 0);
+    for_each_index(triangles, [&](std::size_t t) {
+      patterns[t] = &pattern_of(t);
+      first[t + 1] = Index(patterns[t]->count);
+    });
+    std::partial_sum(first.begin(), first.end(), first.begin());
+
+    const std::size_t children = first[triangles];
+    std::vector<Index> vertex(3 * children), twin(3 * children), parent(children);
+    std::vector<Vec3> centroid_normal(children);
+    // The child halfedge on half `half` of a parent's halfedge.
+    const auto part = [&](Index h, int half) { return 3 * first[h / 3] + patterns[h / 3]->part[2 * (h % 3) + half]; };
+    for_each_index(triangles, [&](std::size_t t) {
+      const SplitPattern& pattern = *patterns[t];
+      const Index base = 3 * first[t];
+      for (int i = 0; i < 3 * pattern.count; ++i) {
+        vertex[base + i] = vertex_of(t, pattern.corner[i]);
+        if (pattern.twin[i] >= 0) twin[base + i] = base + Index(pattern.twin[i]);
+      }
+      for (Index h = Index(3 * t); h < 3 * t + 3; ++h) {
+        twin[part(h, 0)] = part(mesh().twin[h], 1);
+        twin[part(h, 1)] = part(mesh().twin[h], 0);
+      }
+      for (Index child = first[t]; child < first[t + 1]; ++child) {
+        parent[child] = out_.parent_triangle[t];
+        centroid_normal[child] = centroid_normal_[t];
+      }
+    });
+    std::vector<Index> fresh;
+    for (std::size_t t = 0; t < triangles; ++t) {
+      if (patterns[t]->count == 1) continue;
+      for (Index child = first[t]; child < first[t + 1]; ++child) fresh.push_back(child);
+    }
+    out_.mesh.vertex = std::move(vertex);
+    out_.mesh.twin = std::move(twin);
+    out_.parent_triangle = std::move(parent);
+    centroid_normal_ = std::move(centroid_normal);
+    evaluate_centroids(fresh);
+  }
+
+  /// Where the gradient vanishes the triangles around say where outside is.
+  void replace_zero_normals() {
+    std::vector<Vec3> sum;
+    for (std::size_t v = 0; v < out_.normal.size(); ++v) {
+      if (out_.normal[v] != Vec3(0.0f)) continue;
+      if (sum.empty()) sum = summed_triangle_normals();
+      const float length = glm::length(sum[v]);
+      out_.normal[v] = length > 0.0f ? sum[v] / length : Vec3(0.0f, 0.0f, 1.0f);
+    }
+  }
+
+  std::vector<Vec3> summed_triangle_normals() const {
+    std::vector<Vec3> sum(mesh().vertex_count(), Vec3(0.0f));
+    for (std::size_t t = 0; t < mesh().triangle_count(); ++t) {
+      const Index* v = &mesh().vertex[3 * t];
+      const Vec3 normal = glm::cross(position(v[1]) - position(v[0]), position(v[2]) - position(v[0]));
+      for (int k = 0; k < 3; ++k) sum[v[k]] += normal;
+    }
+    return sum;
+  }
+
+  Backend& backend_;
+  const ProjectOptions project_;
+  const float cosine_, shortest_;
+  GeometricMesh out_;
+  std::vector<Vec3> centroid_normal_;  // field normal at each triangle's centroid
+  std::vector<Index> new_edge_;        // this pass: one halfedge of each marked edge, ascending
+  std::vector<Index> middle_;          // this pass: the new vertex on each halfedge's edge, kNone when unmarked
+  std::size_t quasi_critical_ = 0;
+};
+
+}  // namespace
+
+GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
+                     const ProjectOptions& project, RefineReport* report) {
+  Refinement refinement(mechanical, backend, options, project);
+  int passes = 0;
+  while (passes < options.passes && refinement.pass()) ++passes;
+  GeometricMesh result = refinement.finish();
+  if (report) {
+    *report = {passes, result.mesh.triangle_count(), result.mesh.vertex_count() - mechanical.vertex_count(),
+               refinement.quasi_critical()};
+  }
+  return result;
+}
+
+}  // namespace isoskin
