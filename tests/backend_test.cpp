@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
 #include "tests/test_meshes.h"
 
@@ -21,6 +22,9 @@ struct BackendCase {
   std::string name;
   std::function<std::unique_ptr<Backend>()> make;
 };
+void PrintTo(const BackendCase& c, std::ostream* out) {
+  *out << c.name;
+}
 
 std::vector<BackendCase> backends() {
   return {{"reference", make_reference_backend}};
@@ -33,6 +37,28 @@ constexpr float kInf = std::numeric_limits<float>::infinity();
 
 SkeletonElement element(DVec3 a, DVec3 b, double radius, double weight, double norm, Potential potential) {
   return {a, b, radius, weight, norm, potential};
+}
+
+std::shared_ptr<const Field> grid_ball(Interpolation interpolation) {
+  auto grid = std::make_shared<BrickGrid>();
+  grid->h = 0.2;
+  grid->interpolation = interpolation;
+  grid->table_low = IVec3(-1);
+  grid->table_size = IVec3(2);
+  grid->constant = {-5.0f};
+  grid->outside = -5.0f;
+  for (int b = 0; b < 8; ++b) {
+    const IVec3 brick(b / 4 - 1, b / 2 % 2 - 1, b % 2 - 1);
+    grid->table.push_back(b);
+    grid->brick_coordinate.push_back(brick);
+    for (int x = 0; x < BrickGrid::kTaps; ++x)
+      for (int y = 0; y < BrickGrid::kTaps; ++y)
+        for (int z = 0; z < BrickGrid::kTaps; ++z) {
+          const DVec3 p = 0.2 * DVec3(8 * brick + IVec3(x, y, z) - 1);
+          grid->tap.push_back(float(1.0 - glm::length(p) + 0.1 * std::sin(5.0 * p.x) * std::cos(4.0 * p.y)));
+        }
+  }
+  return std::make_shared<GridField>(grid);
 }
 
 struct FieldCase {
@@ -62,6 +88,8 @@ const std::vector<FieldCase>& fields() {
          skeleton({element(a, a, 0.5, 1, 2, inverse_square), element(b, c, 0.4, 1, 2, inverse_square)}, 1.0),
          {a, b, c, 0.5 * (b + c)}},
         {"four norm", skeleton({element(a, b, 1.0, 1, 4, metaball)}, 0.4), {}},
+        {"cubic grid", grid_ball(Interpolation::cubic), {}},
+        {"linear grid", grid_ball(Interpolation::linear), {}},
     };
   }();
   return cases;
@@ -173,7 +201,7 @@ TEST_P(EveryBackend, EvaluatesHessians) {
     if (!f.field->is_c2()) continue;
     backend->set_field(f.field);
     for (const std::size_t count : {std::size_t{0}, std::size_t{1}, std::size_t{93}, std::size_t{4096}}) {
-      const std::vector<Vec3> points = random_points(count, 5);
+      const std::vector<Vec3> points = random_points(count, 5, 1.5f);  // not where a grid ends
       std::vector<float> h(6 * count, kNan);
       backend->evaluate_hessian(points, h);
       for (std::size_t i = 0; i < count; ++i) {
