@@ -243,6 +243,7 @@ Device::Device(const OpenClOptions& options) : profile_(options.trace) {
   Found found = choose_device(options.device);
   info_ = std::move(found.info);
   id_ = found.id;
+  if (info_.cpu) share_local_size_ = 1;
   context_ = shared_context(id_, found.platform);
   cl_int code = CL_SUCCESS;
   // The 1.2 call: clCreateCommandQueueWithProperties is missing on 1.2 devices.
@@ -277,11 +278,11 @@ void Device::set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t by
   if (code != CL_SUCCESS) check(code, fmt::format("clSetKernelArg({}, {})", kernel.name, slot).c_str());
 }
 
-void Device::enqueue(const Kernel& kernel, std::size_t items) {
-  const std::size_t global = (items + local_size_ - 1) / local_size_ * local_size_;
+void Device::enqueue(const Kernel& kernel, std::size_t items, std::size_t local) {
+  const std::size_t global = (items + local - 1) / local * local;
   const auto begin = std::chrono::steady_clock::now();
-  const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local_size_, 0,
-                                             nullptr, event_slot("kernel", kernel.name));
+  const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local, 0, nullptr,
+                                             event_slot("kernel", kernel.name));
   if (code != CL_SUCCESS) {
     if (profile_) pending_.pop_back();
     check(code, fmt::format("clEnqueueNDRangeKernel({})", kernel.name).c_str());

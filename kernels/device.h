@@ -77,7 +77,7 @@ public:
   int vector_width() const { return info_.cpu ? 16 : 1; }
 
   /// Work-group size of every launch; a power of two. Results do not depend on it.
-  void set_local_size(std::size_t size) { local_size_ = size; }
+  void set_local_size(std::size_t size) { local_size_ = share_local_size_ = size; }
 
   /// A kernel of the program made of `sources` joined in order. The program is built once for each device and process.
   /// Throws std::runtime_error with the build log.
@@ -87,10 +87,13 @@ public:
   /// Does not wait. items == 0 launches nothing.
   template <class... Arguments>
   void launch(const Kernel& kernel, std::size_t items, const Arguments&... arguments) {
-    if (items == 0) return;
-    cl_uint slot = 0;
-    (set_argument(kernel, slot, arguments), ...);
-    enqueue(kernel, items);
+    launch_in_groups(local_size_, kernel, items, arguments...);
+  }
+
+  /// As launch(), for kernels whose items are long loops: one item a group on CPUs, so that they spread over the cores.
+  template <class... Arguments>
+  void launch_shares(const Kernel& kernel, std::size_t items, const Arguments&... arguments) {
+    launch_in_groups(share_local_size_, kernel, items, arguments...);
   }
 
   /// Sets argument `slot` and counts it up. Takes what has memory(), NoBuffer, numbers and structs of numbers, and
@@ -135,8 +138,15 @@ private:
     cl_event event;
   };
 
+  template <class... Arguments>
+  void launch_in_groups(std::size_t local, const Kernel& kernel, std::size_t items, const Arguments&... arguments) {
+    if (items == 0) return;
+    cl_uint slot = 0;
+    (set_argument(kernel, slot, arguments), ...);
+    enqueue(kernel, items, local);
+  }
   void set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t bytes, const void* value);
-  void enqueue(const Kernel& kernel, std::size_t items);
+  void enqueue(const Kernel& kernel, std::size_t items, std::size_t local);
   cl_event* event_slot(const char* track, const std::string& name);
   void collect_events();
 
@@ -145,6 +155,7 @@ private:
   cl_context context_ = nullptr;  // shared by all Devices of this process, never released
   Queue queue_;
   std::size_t local_size_ = 64;
+  std::size_t share_local_size_ = 64;
   std::multimap<std::size_t, Block> free_;
   std::size_t pooled_bytes_ = 0;
   bool profile_ = false;

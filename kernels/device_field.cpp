@@ -26,8 +26,11 @@ const Kernel& FieldKernel::operator()(const DeviceField& field) {
   const std::string options = field.build_options();
   const std::string variant = options + field.source();
   auto it = built_.find(variant);
-  if (it == built_.end())
-    it = built_.emplace(variant, device_->kernel({source::packet, field.source(), source_}, options, name_)).first;
+  if (it == built_.end()) {
+    std::vector<const char*> program = {source::packet, field.source()};
+    program.insert(program.end(), sources_.begin(), sources_.end());
+    it = built_.emplace(variant, device_->kernel(program, options, name_)).first;
+  }
   return it->second;
 }
 

@@ -30,6 +30,8 @@ public:
   virtual std::string build_options() const = 0;
   /// Points a work item.
   virtual int width() const = 0;
+  /// What kernels take positions relative to.
+  virtual const Origin& origin() const = 0;
   /// Sets the arguments of FIELD_PARAMS.
   virtual void bind(Device& device, const Kernel& kernel, cl_uint& slot) const = 0;
 };
@@ -40,12 +42,14 @@ std::unique_ptr<DeviceField> make_grid_device_field(Device& device);
 /// A kernel written over any field: built on first use for each variant of field it meets.
 class FieldKernel {
 public:
-  FieldKernel(Device& device, const char* source, const char* name) : device_(&device), source_(source), name_(name) {}
+  /// `sources` follow the field's own in the program.
+  FieldKernel(Device& device, std::vector<const char*> sources, const char* name)
+      : device_(&device), sources_(std::move(sources)), name_(name) {}
   const Kernel& operator()(const DeviceField& field);
 
 private:
   Device* device_;
-  const char* source_;
+  std::vector<const char*> sources_;
   const char* name_;
   std::map<std::string, Kernel> built_;
 };

@@ -6,9 +6,9 @@ namespace isoskin::opencl {
 
 Evaluator::Evaluator(Device& device)
     : device_(&device),
-      both_(device, source::evaluate, "evaluate"),
-      values_(device, source::evaluate, "evaluate_values"),
-      hessian_(device, source::evaluate, "evaluate_hessian") {}
+      both_(device, {source::evaluate}, "evaluate"),
+      values_(device, {source::evaluate}, "evaluate_values"),
+      hessian_(device, {source::evaluate}, "evaluate_hessian") {}
 
 void Evaluator::evaluate(const DeviceField& field, std::span<const Vec3> points, std::span<float> values,
                          std::span<Vec3> gradients) {

@@ -38,6 +38,7 @@ public:
   const char* source() const override { return source::grid_field; }
   std::string build_options() const override { return cubic_ ? "-DVW=1 -DCUBIC" : "-DVW=1"; }
   int width() const override { return 1; }
+  const Origin& origin() const override { return params_.origin; }
   void bind(Device& device, const Kernel& kernel, cl_uint& slot) const override {
     device.set_argument(kernel, slot, table_);
     device.set_argument(kernel, slot, constant_);

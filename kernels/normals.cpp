@@ -6,7 +6,7 @@ namespace isoskin::opencl {
 
 Normals::Normals(Device& device)
     : device_(&device),
-      vertex_normals_(device, source::normals, "vertex_normals"),
-      mark_inverted_(device, source::normals, "mark_inverted") {}
+      vertex_normals_(device, {source::normals}, "vertex_normals"),
+      mark_inverted_(device, {source::normals}, "mark_inverted") {}
 
 }  // namespace isoskin::opencl

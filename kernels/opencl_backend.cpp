@@ -9,6 +9,7 @@
 #include "kernels/evaluate.h"
 #include "kernels/normals.h"
 #include "kernels/project.h"
+#include "kernels/relax.h"
 #include "kernels/resident_mesh.h"
 
 namespace isoskin {
@@ -36,6 +37,7 @@ public:
   explicit OpenClBackend(const OpenClOptions& options)
       : device_(options), evaluator_(device_), projector_(device_), normals_(device_), mesh_(device_) {
     kinds_.push_back(opencl::make_skeleton_device_field(device_));
+    kinds_.push_back(opencl::make_grid_device_field(device_));
   }
 
   std::string name() const override { return device_.info().name; }
@@ -104,8 +106,13 @@ public:
     device_.finish();
   }
 
-  RelaxReport relax(const RelaxOptions&, const ProjectOptions&) override {
-    throw std::runtime_error("opencl backend: relax has no kernel yet");
+  RelaxReport relax(const RelaxOptions& relax, const ProjectOptions& project) override {
+    const Span span("relax");
+    close_views();
+    if (!relaxer_) relaxer_.emplace(device_);
+    const RelaxReport report = relaxer_->relax(field(), mesh_, projector_, normals_, relax, project);
+    device_.finish();
+    return report;
   }
 
   ProjectReport project_mesh(const ProjectOptions& options) override {
@@ -168,6 +175,7 @@ private:
   opencl::Projector projector_;
   opencl::Normals normals_;
   opencl::ResidentMesh mesh_;
+  std::optional<opencl::Relaxer> relaxer_;  // its programs take time to build: not before they are needed
   std::vector<std::unique_ptr<opencl::DeviceField>> kinds_;
   std::shared_ptr<const Field> current_;
   opencl::DeviceField* on_device_ = nullptr;

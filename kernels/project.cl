@@ -98,7 +98,8 @@ kernel void project(FIELD_PARAMS, global float* points, global uchar* status, co
   const vec3v p = load_points(points, first, count);
   const vec3v start = to_local(p, field.origin);
   const Projected result = project_packet(FIELD_ARGS, start, is_finite(p), options);
-  const vint moved = result.point.x != start.x || result.point.y != start.y || result.point.z != start.z;
+  const vint changed = result.point.x != start.x || result.point.y != start.y || result.point.z != start.z;
+  const vint moved = result.state == DONE && changed;
   store_points(pick(p, to_world(result.point, field.origin), moved), points, first, count);
   store_flags(select((vint)(1), (vint)(0), result.state == DONE), status, first, count);
 }

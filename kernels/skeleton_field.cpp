@@ -177,6 +177,7 @@ public:
     return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "");
   }
   int width() const override { return width_; }
+  const Origin& origin() const override { return params_.origin; }
   void bind(Device& device, const Kernel& kernel, cl_uint& slot) const override {
     device.set_argument(kernel, slot, elements_);
     device.set_argument(kernel, slot, first_);

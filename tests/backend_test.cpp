@@ -12,6 +12,7 @@
 
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
+#include "kernels/opencl_backend.h"
 #include "tests/test_meshes.h"
 
 using namespace isoskin;
@@ -27,7 +28,7 @@ void PrintTo(const BackendCase& c, std::ostream* out) {
 }
 
 std::vector<BackendCase> backends() {
-  return {{"reference", make_reference_backend}};
+  return {{"reference", make_reference_backend}, {"opencl", [] { return make_opencl_backend(); }}};
 }
 
 constexpr double kEps = 1.0 / (1 << 24);  // half a unit in the last place of a float32 near 1

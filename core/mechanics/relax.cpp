@@ -36,6 +36,8 @@ DVec3 triangle_normal(std::span<const Index> vertex, std::span<const DVec3> posi
   return glm::cross(positions[vertex[3 * t + 1]] - a, positions[vertex[3 * t + 2]] - a);
 }
 
+}  // namespace
+
 void check(const RelaxOptions& o) {
   const auto require = [](bool ok, const char* what) {
     if (!ok) throw std::invalid_argument(std::string("relax options: ") + what);
@@ -47,8 +49,6 @@ void check(const RelaxOptions& o) {
   require(o.dt > 0 && std::isfinite(o.dt), "dt must be positive and finite");
   require(o.max_move > 0, "max_move must be positive");
 }
-
-}  // namespace
 
 SkinTopology skin_topology(const TriangleMesh& mesh) {
   return {mesh.vertex, vertex_corners(mesh)};

@@ -31,6 +31,9 @@ struct RelaxOptions {
   int sharp_pulls = 3;         // pulls a step, each followed by a projection; one halves the distance to a feature
 };
 
+/// Throws std::invalid_argument for an option out of its range.
+void check(const RelaxOptions& options);
+
 struct RelaxReport {
   int steps = 0;
   int cg_iterations = 0;           // summed over steps
