@@ -1,5 +1,6 @@
 #include "core/mesh/triangle_mesh.h"
 
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
@@ -142,7 +143,7 @@ template <class Function>
 double ordered_sum(std::size_t n, const Function& f) {
   constexpr std::size_t kBlock = 4096;
   std::vector<double> block((n + kBlock - 1) / kBlock, 0.0);
-  for_each_index(block.size(), [&](std::size_t b) {
+  tbb::parallel_for(std::size_t(0), block.size(), [&](std::size_t b) {
     const std::size_t end = std::min(n, (b + 1) * kBlock);
     for (std::size_t i = b * kBlock; i < end; ++i) block[b] += f(Index(i));
   });
