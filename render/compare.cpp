@@ -47,7 +47,8 @@ ErrorStatistics statistics(std::vector<double> errors) {
   if (errors.empty()) return out;
   for (double& e : errors) e = std::isnan(e) ? std::numeric_limits<double>::infinity() : e;
   std::sort(errors.begin(), errors.end());
-  for (const double e : errors) out.mean += e / static_cast<double>(errors.size());
+  for (const double e : errors) out.mean += e;
+  out.mean /= static_cast<double>(errors.size());
   out.p99 = errors[static_cast<std::size_t>(kPercentile * static_cast<double>(errors.size() - 1))];
   out.max = errors.back();
   return out;

@@ -101,9 +101,9 @@ Vec3 lit(const Scene& scene, const Vec3& albedo, const Vec3& n, const Vec3& to_e
   const float key_light = wrapped * wrapped * (0.45f + 0.55f * open);
   const float fill_light = std::max(0.0f, 0.5f + 0.5f * glm::dot(n, fill));
   const float sky = 0.5f + 0.5f * glm::dot(n, Vec3(up));
-  Vec3 light = key_light * Vec3(1.28f, 1.20f, 1.08f);
-  light += open * fill_light * Vec3(0.16f, 0.20f, 0.28f);
-  light += open * glm::mix(Vec3(0.07f, 0.06f, 0.06f), Vec3(0.26f, 0.30f, 0.36f), sky);
+  Vec3 light = key_light * Vec3(1.16f, 1.08f, 0.96f);
+  light += open * fill_light * Vec3(0.15f, 0.19f, 0.27f);
+  light += open * glm::mix(Vec3(0.06f, 0.05f, 0.05f), Vec3(0.20f, 0.25f, 0.32f), sky);
 
   const Vec3 half = glm::normalize(key + to_eye);
   const float gloss = std::pow(std::max(0.0f, glm::dot(n, half)), 70.0f) * std::max(0.0f, key_cosine);

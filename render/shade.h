@@ -12,8 +12,8 @@ enum class Pattern : std::uint8_t { plain, checker, noise };
 struct ShadeOptions {
   Pattern pattern = Pattern::plain;    // looked up by rest position (by P where the image has no rest)
   double pattern_size = 0.0;           // side of a checker or of the coarsest noise, world units; 0: 1/18 of the height
-  Vec3 color{0.130f, 0.400f, 0.560f};  // plain, and the pattern's first colour
-  Vec3 second{0.850f, 0.780f, 0.640f};      // the pattern's second colour
+  Vec3 color{0.045f, 0.235f, 0.420f};  // plain, and the pattern's first colour
+  Vec3 second{0.640f, 0.560f, 0.430f};      // the pattern's second colour
   Vec3 back_color{0.750f, 0.035f, 0.030f};  // where the surface is seen from behind
   double wire_width = 0.0;                  // of the wireframe's lines, pixels; 0: none (needs the channel `wire`)
   Vec3 wire_color{0.015f, 0.020f, 0.030f};

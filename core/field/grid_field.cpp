@@ -93,6 +93,31 @@ FloatRange tap_range(const BrickGrid& grid, std::size_t brick, const IVec3& low,
   return range;
 }
 
+// Bernstein coefficients of four taps' segment, in place.
+void to_bernstein(float* c, int stride) {
+  const float c0 = c[0], c1 = c[stride], c2 = c[2 * stride], c3 = c[3 * stride];
+  c[0] = (c0 + 4.0f * c1 + c2) / 6.0f;
+  c[stride] = (2.0f * c1 + c2) / 3.0f;
+  c[2 * stride] = (c1 + 2.0f * c2) / 3.0f;
+  c[3 * stride] = (c1 + 4.0f * c2 + c3) / 6.0f;
+}
+
+// Bounds of F in one cell, by its Bernstein form where it is cubic: much closer than the hull of the taps.
+FloatRange cell_range(const BrickGrid& grid, std::size_t brick, const IVec3& cell) {
+  if (grid.interpolation == Interpolation::linear) return tap_range(grid, brick, cell, cell);
+  const float* taps = grid.tap.data() + brick * BrickGrid::kTapValues;
+  std::array<float, 64> c;
+  for (int row = 0; row < 16; ++row) {
+    std::copy_n(taps + ((cell.x + row / 4) * kTaps + cell.y + row % 4) * kTaps + cell.z, 4, c.data() + 4 * row);
+  }
+  for (int line = 0; line < 16; ++line) to_bernstein(c.data() + 4 * line, 1);
+  for (int line = 0; line < 16; ++line) to_bernstein(c.data() + 16 * (line / 4) + line % 4, 4);
+  for (int line = 0; line < 16; ++line) to_bernstein(c.data() + line, 16);
+  const auto [low, high] = std::minmax_element(c.begin(), c.end());
+  const float slack = 1e-6f * std::max(std::abs(*low), std::abs(*high));  // float rounding of the conversion
+  return {*low - slack, *high + slack};
+}
+
 bool crosses(const FloatRange& range) {
   return range.low <= 0.0f && range.high >= 0.0f;
 }
@@ -161,7 +186,7 @@ GridField::GridField(std::shared_ptr<const BrickGrid> grid) : grid_(std::move(gr
   }
 }
 
-// Widens bounds_ by those cells of a brick whose taps differ in sign.
+// Widens bounds_ by those cells of a brick in which F may be zero.
 void GridField::add_to_bounds(std::size_t brick) {
   const DVec3 corner(grid_->brick_coordinate[brick] * kBrick);
   const auto world = [&](const DVec3& voxel) { return grid_->origin + grid_->h * voxel; };
@@ -174,7 +199,9 @@ void GridField::add_to_bounds(std::size_t brick) {
   for (int cell = 0; cell < kBrick * kBrick * kBrick; ++cell) {
     const IVec3 at(cell / (kBrick * kBrick), cell / kBrick % kBrick, cell % kBrick);
     const Box box{world(corner + DVec3(at)), world(corner + DVec3(at + 1))};
-    if (!within(box) && crosses(tap_range(*grid_, brick, at, at))) bounds_.add(box);
+    if (!within(box) && crosses(tap_range(*grid_, brick, at, at)) && crosses(cell_range(*grid_, brick, at))) {
+      bounds_.add(box);
+    }
   }
 }
 

@@ -40,7 +40,7 @@ public:
   /// In a constant block and beyond the table the gradient is zero.
   FieldSample sample(const DVec3& p) const override;
   DMat3 hessian(const DVec3& p) const override;
-  /// The box of those cells whose taps differ in sign: the surface cannot lie elsewhere.
+  /// The box of those cells whose Bernstein coefficients (linear: taps) differ in sign: the surface lies nowhere else.
   Box bounds() const override { return bounds_; }
   /// Least and greatest tap that the box's cells see: splines lie in the convex hull of their taps. Under a microsecond
   /// for a box of a few cells.

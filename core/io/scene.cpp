@@ -1,6 +1,7 @@
 #include "core/io/scene.h"
 
 #include <fmt/format.h>
+#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,9 +9,6 @@
 #include <sstream>
 #include <string_view>
 #include <vector>
-
-#define TOML_ENABLE_FORMATTERS 0
-#include <toml++/toml.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/io/frame_files.h"

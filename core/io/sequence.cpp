@@ -129,9 +129,9 @@ FloatGrid::Ptr as_float(const openvdb::GridBase::Ptr& base, double& iso, const s
   if (const auto grid = openvdb::gridPtrCast<FloatGrid>(base)) return grid;
   const auto grid = openvdb::gridPtrCast<openvdb::DoubleGrid>(base);
   if (!grid) throw InputError(fmt::format("{}tree is a {}, expected OpenVDB's standard one", where, base->type()));
-  openvdb::tools::changeBackground(grid->tree(), grid->background() - iso);
   openvdb::tools::foreach (grid->beginValueAll(),
                            [iso](const openvdb::DoubleGrid::ValueAllIter& at) { at.setValue(*at - iso); });
+  grid->tree().root().setBackground(grid->background() - iso, /*updateChildNodes=*/false);
   iso = 0.0;
   auto tree = std::make_shared<openvdb::FloatTree>(grid->constTree());
   auto copy = FloatGrid::create(tree);
