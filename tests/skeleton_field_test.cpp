@@ -7,8 +7,6 @@
 #include <functional>
 #include <random>
 
-#include "tests/analytic_fields.h"
-
 namespace isoskin {
 namespace {
 
@@ -310,33 +308,6 @@ TEST(SkeletonField, RejectsBadElements) {
     }
   }
   EXPECT_THROW(SkeletonField({good}, kNan), InputError);
-}
-
-TEST(AnalyticFields, GradientsAndRanges) {
-  const analytic::SphereField sphere(DVec3(0.2, 0.0, -0.1), 0.8);
-  const analytic::TorusField torus(1.0, 0.3);
-  const analytic::PlaneField plane(DVec3(1.0, 2.0, -0.5), 0.3);
-  EXPECT_TRUE(rc::check([&](std::uint64_t seed) {
-    Random random{std::mt19937_64(seed)};
-    for (const Field* field :
-         {static_cast<const Field*>(&sphere), static_cast<const Field*>(&torus), static_cast<const Field*>(&plane)}) {
-      const DVec3 p = random.vector(1.5);
-      const FieldSample s = field->sample(p);
-      for (int i = 0; i < 3; ++i) {
-        DVec3 step(0.0);
-        step[i] = 1e-6;
-        const double expected = (field->value(p + step) - field->value(p - step)) / 2e-6;
-        if (std::hypot(p.x, p.y) > 0.01) RC_ASSERT(std::abs(s.gradient[i] - expected) < 1e-3);
-      }
-      Box box{p, p};
-      box.add(p + random.vector(random(0.0, 1.0)));
-      const Interval range = field->range(box);
-      for (int k = 0; k < 20; ++k) {
-        const DVec3 t(random(0.0, 1.0), random(0.0, 1.0), random(0.0, 1.0));
-        RC_ASSERT(range.contains(field->value(box.low + t * box.size())));
-      }
-    }
-  }));
 }
 
 }  // namespace
