@@ -272,6 +272,7 @@ TEST_P(EveryBackend, ProjectsOntoTheSurfaceOrLeavesAlone) {
     backend->set_field(f.field);
     reference->set_field(f.field);
     for (const std::size_t count : kSizes) {
+      if (count > 5000 && &f != &fields().front()) continue;
       const std::vector<Vec3> before = random_points(count, 7 + unsigned(count), 1.4f);
       std::vector<Vec3> points = before, oracle = before, unasked = before;
       std::vector<ProjectStatus> status(count), oracle_status(count);
