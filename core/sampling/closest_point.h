@@ -23,8 +23,8 @@ public:
   explicit ClosestPoint(const TriangleMesh& mesh);
   ~ClosestPoint();
   /// Nearest point to `p` (ties: the smallest triangle index). triangle == kNone for an empty mesh. `side`, when not
-  /// zero, is a unit normal: triangles whose normal points against it are passed over unless nothing else is found
-  /// within `max_distance`.
+  /// zero, is a direction: triangles whose normal points against it are passed over, unless nothing else lies within
+  /// `max_distance`; then the nearest of all is taken, however far.
   SurfacePoint nearest(const Vec3& p, const Vec3& side = Vec3(0.0f),
                        float max_distance = std::numeric_limits<float>::infinity()) const;
 
