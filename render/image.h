@@ -20,6 +20,7 @@ namespace isoskin {
 ///   rest.X/Y/Z   rest position, the tracked texture coordinate (meshes only)
 ///   back         1 where the surface is seen from behind: ray . geometric normal > 0
 ///   wire         distance to the nearest edge of the hit triangle, pixels (the rasterizer's wireframe option only)
+///   shadow       share of the key light that is hidden (shadow.h)
 ///   R G B        shaded, linear, premultiplied by coverage
 struct Image {
   int width = 0, height = 0;

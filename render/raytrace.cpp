@@ -1,13 +1,12 @@
 #include "render/raytrace.h"
 
-#include <embree3/rtcore.h>
-#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <chrono>
 #include <cmath>
 #include <limits>
 
+#include "render/embree_scene.h"
 #include "render/rasterize.h"
 #include "render/ray_root.h"
 
@@ -25,44 +24,6 @@ constexpr double kOverlap = 1e-6;
 double milliseconds_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
 }
-
-class Device {
-public:
-  Device() : device_(rtcNewDevice(nullptr)) {
-    if (!device_)
-      throw std::runtime_error(fmt::format("Embree: error {}", static_cast<int>(rtcGetDeviceError(nullptr))));
-  }
-  ~Device() { rtcReleaseDevice(device_); }
-  Device(const Device&) = delete;
-  Device& operator=(const Device&) = delete;
-  RTCDevice get() const { return device_; }
-
-private:
-  RTCDevice device_;
-};
-
-// A scene of one geometry.
-class Scene {
-public:
-  Scene(const Device& device, RTCGeometry geometry) : scene_(rtcNewScene(device.get())) {
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(scene_, geometry);
-    rtcReleaseGeometry(geometry);
-    rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-    rtcCommitScene(scene_);
-    if (const RTCError error = rtcGetDeviceError(device.get()); error != RTC_ERROR_NONE) {
-      rtcReleaseScene(scene_);
-      throw std::runtime_error(fmt::format("Embree: error {} while building", static_cast<int>(error)));
-    }
-  }
-  ~Scene() { rtcReleaseScene(scene_); }
-  Scene(const Scene&) = delete;
-  Scene& operator=(const Scene&) = delete;
-  RTCScene get() const { return scene_; }
-
-private:
-  RTCScene scene_;
-};
 
 RTCRayHit ray_from_eye(const DVec3& direction, double near_depth) {
   RTCRayHit ray{};
@@ -210,25 +171,12 @@ Hit shoot_field(RTCScene embree, const Field& field, const FieldScene& scene, co
   return {ray.depth, normal, DVec3(0.0), glm::dot(normal, direction) > 0.0};
 }
 
-RTCGeometry box_geometry(const Device& device, FieldScene& scene) {
+RTCGeometry box_geometry(const EmbreeDevice& device, FieldScene& scene) {
   RTCGeometry geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_USER);
   rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(scene.boxes.boxes.size()));
   rtcSetGeometryUserData(geometry, &scene);
   rtcSetGeometryBoundsFunction(geometry, box_bounds, nullptr);
   rtcSetGeometryIntersectFunction(geometry, intersect_box);
-  return geometry;
-}
-
-RTCGeometry triangle_geometry(const Device& device, const TriangleMesh& mesh, const DVec3& eye) {
-  RTCGeometry geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* vertices = static_cast<Vec3*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                              sizeof(Vec3), mesh.vertex_count()));
-  auto* corners = static_cast<Index*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                                              3 * sizeof(Index), mesh.triangle_count()));
-  for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
-    vertices[v] = Vec3(DVec3(mesh.position(static_cast<Index>(v))) - eye);
-  }
-  std::copy(mesh.vertex.begin(), mesh.vertex.end(), corners);
   return geometry;
 }
 
@@ -260,8 +208,8 @@ Raytraced raytrace(const Field& field, const Camera& camera, const RaytraceOptio
   const auto begin = Clock::now();
   const SurfaceBoxes boxes = surface_boxes(field, options.boxes);
   FieldScene scene{boxes, rays.eye, rays.near_depth, options.shortest};
-  const Device device;
-  const Scene embree(device, box_geometry(device, scene));
+  const EmbreeDevice device;
+  const EmbreeScene embree(device, box_geometry(device, scene));
   Raytraced out;
   out.report.boxes = boxes.boxes.size();
   out.report.build_ms = milliseconds_since(begin);
@@ -282,8 +230,8 @@ Raytraced raytrace(const TriangleMesh& mesh, std::span<const Vec3> normals, cons
   const auto begin = Clock::now();
   const std::vector<Vec3> own = normals.empty() ? area_weighted_normals(mesh) : std::vector<Vec3>{};
   const std::span<const Vec3> used = normals.empty() ? std::span<const Vec3>(own) : normals;
-  const Device device;
-  const Scene embree(device, triangle_geometry(device, mesh, rays.eye));
+  const EmbreeDevice device;
+  const EmbreeScene embree(device, triangle_geometry(device, mesh, rays.eye));
   Raytraced out;
   out.report.boxes = mesh.triangle_count();
   out.report.build_ms = milliseconds_since(begin);

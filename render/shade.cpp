@@ -7,24 +7,14 @@
 #include <numbers>
 #include <optional>
 
+#include "render/lights.h"
+
 namespace isoskin {
 namespace {
 
 constexpr double kPatternShare = 1.0 / 18.0, kOcclusionShare = 1.0 / 14.0;  // of the picture's height at the target
 constexpr int kOcclusionSamples = 20, kOcclusionTurns = 7;                  // points on a spiral about the pixel
 constexpr float kOcclusionBias = 0.06f;  // cosine below which a neighbour does not hide the sky: a flat surface's own
-
-std::uint32_t hash(std::int32_t x, std::int32_t y, std::int32_t z) {
-  std::uint32_t h = static_cast<std::uint32_t>(x) * 0x8da6b343u ^ static_cast<std::uint32_t>(y) * 0xd8163841u ^
-                    static_cast<std::uint32_t>(z) * 0xcb1ab31fu;
-  h = (h ^ (h >> 16)) * 0x7feb352du;
-  h = (h ^ (h >> 15)) * 0x846ca68bu;
-  return h ^ (h >> 16);
-}
-
-float unit_hash(std::int32_t x, std::int32_t y, std::int32_t z) {
-  return static_cast<float>(hash(x, y, z) >> 8) * (1.0f / 16777216.0f);
-}
 
 // Smoothly interpolated random values on the integer lattice, 0 to 1.
 float value_noise(const Vec3& p) {
@@ -62,7 +52,7 @@ struct Scene {
   const std::vector<float>&a, &z;
   VectorChannels position, normal;
   std::optional<VectorChannels> rest;
-  const std::vector<float>*back, *wire;
+  const std::vector<float>*back, *wire, *shadow;
 };
 
 // The share of the sky that neighbours on the screen hide ("Alchemy" estimator: McGuire et al. 2011, HPG).
@@ -90,23 +80,23 @@ float occlusion(const Scene& scene, int x, int y, const Vec3& p, const Vec3& n) 
 }
 
 // Light comes from fixed places about the camera, so that every view is lit alike.
-Vec3 lit(const Scene& scene, const Vec3& albedo, const Vec3& n, const Vec3& to_eye, float open) {
+Vec3 lit(const Scene& scene, const Vec3& albedo, const Vec3& n, const Vec3& to_eye, float open, float unshadowed) {
   const DVec3 &right = scene.rays.right, &up = scene.rays.up, &toward = -scene.rays.forward;
-  const Vec3 key = glm::normalize(Vec3(-0.55 * right + 0.75 * up + 0.60 * toward));
+  const Vec3 key = key_light(scene.rays);
   const Vec3 fill = glm::normalize(Vec3(0.85 * right + 0.10 * up + 0.50 * toward));
   const float facing = std::max(0.0f, glm::dot(n, to_eye));
 
   const float key_cosine = glm::dot(n, key);
   const float wrapped = std::max(0.0f, (key_cosine + 0.25f) / 1.25f);
-  const float key_light = wrapped * wrapped * (0.45f + 0.55f * open);
+  const float direct = wrapped * wrapped * (0.45f + 0.55f * open) * unshadowed;
   const float fill_light = std::max(0.0f, 0.5f + 0.5f * glm::dot(n, fill));
   const float sky = 0.5f + 0.5f * glm::dot(n, Vec3(up));
-  Vec3 light = key_light * Vec3(1.16f, 1.08f, 0.96f);
+  Vec3 light = direct * Vec3(1.16f, 1.08f, 0.96f);
   light += open * fill_light * Vec3(0.15f, 0.19f, 0.27f);
   light += open * glm::mix(Vec3(0.06f, 0.05f, 0.05f), Vec3(0.20f, 0.25f, 0.32f), sky);
 
   const Vec3 half = glm::normalize(key + to_eye);
-  const float gloss = std::pow(std::max(0.0f, glm::dot(n, half)), 70.0f) * std::max(0.0f, key_cosine);
+  const float gloss = std::pow(std::max(0.0f, glm::dot(n, half)), 70.0f) * std::max(0.0f, key_cosine) * unshadowed;
   const float fresnel = std::pow(1.0f - facing, 4.0f);
   const float rim = fresnel * (0.25f + 0.75f * sky) * open;
   return albedo * light + Vec3(0.42f * gloss * (0.4f + 0.6f * open)) + rim * Vec3(0.36f, 0.43f, 0.50f);
@@ -125,7 +115,7 @@ Vec3 pixel_color(const Scene& scene, int x, int y) {
   Vec3 albedo = glm::mix(scene.options.color, scene.options.second, mixed);
   if (behind) albedo = glm::mix(albedo, scene.options.back_color, 0.85f);
 
-  Vec3 color = lit(scene, albedo, n, to_eye, open);
+  Vec3 color = lit(scene, albedo, n, to_eye, open, scene.shadow ? 1.0f - (*scene.shadow)[pixel] : 1.0f);
   if (scene.wire) {
     const float half_width = 0.5f * static_cast<float>(scene.options.wire_width);
     const float line = 1.0f - glm::smoothstep(half_width - 0.5f, half_width + 0.5f, (*scene.wire)[pixel]);
@@ -153,7 +143,8 @@ void shade(Image& image, const Camera& camera, const ShadeOptions& options) {
                     VectorChannels(image, "N"),
                     image.has("rest.X") ? std::optional(VectorChannels(image, "rest")) : std::nullopt,
                     image.has("back") ? &image.at("back") : nullptr,
-                    options.wire_width > 0.0 ? &image.at("wire") : nullptr};
+                    options.wire_width > 0.0 ? &image.at("wire") : nullptr,
+                    image.has("shadow") ? &image.at("shadow") : nullptr};
   auto &r = image.add("R"), &g = image.add("G"), &b = image.add("B");
   tbb::parallel_for(0, image.height, [&](int y) {
     for (int x = 0; x < image.width; ++x) {

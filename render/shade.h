@@ -21,8 +21,8 @@ struct ShadeOptions {
   double occlusion_radius = 0.0;  // how far it reaches, world units; 0: 1/14 of the height
 };
 
-/// Adds R, G, B (linear, premultiplied by A) from A, Z, P, N and, where present, rest, back and wire: a soft key light
-/// from the upper left of the camera, a fill light, a sky, a rim light and ambient occlusion. Deterministic.
+/// Adds R, G, B (linear, premultiplied by A) from A, Z, P, N and, where present, rest, back, wire and shadow: a soft
+/// key light from the upper left of the camera, a fill light, a sky, a rim light and ambient occlusion. Deterministic.
 /// Throws InputError: channel missing, bad camera; std::invalid_argument when camera and image differ in size.
 void shade(Image& image, const Camera& camera, const ShadeOptions& options = {});
 

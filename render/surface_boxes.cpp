@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <unordered_map>
 
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
@@ -68,67 +69,101 @@ Box octant(const Box& box, int which) {
   return child;
 }
 
-// Level by level, so that the order does not depend on threads.
-std::vector<Box> bisect(const Field& field, const SurfaceBoxOptions& options) {
+// Skeletons of fewer and fewer elements as boxes shrink, one for each set of elements that occurs.
+class SkeletonParts {
+public:
+  explicit SkeletonParts(const SkeletonField& field) : field_(field) {
+    std::vector<Index> all;
+    for (std::size_t e = 0; e < field.elements().size(); ++e) {
+      single_.emplace_back(std::vector{field.elements()[e]}, 0.0);
+      all.push_back(static_cast<Index>(e));
+    }
+    elements_[&field] = std::move(all);
+  }
+
+  /// Whether some elements reach so far only that leaving them out is exact.
+  bool worthwhile() const {
+    return std::any_of(field_.elements().begin(), field_.elements().end(), [](const SkeletonElement& e) {
+      return e.potential == Potential::metaball || e.potential == Potential::wyvill;
+    });
+  }
+
+  void narrow(std::vector<SurfaceBox>& boxes) {
+    std::vector<std::vector<Index>> near(boxes.size());
+    tbb::parallel_for(std::size_t{0}, boxes.size(), [&](std::size_t b) {
+      for (const Index e : elements_.at(boxes[b].field)) {
+        const Interval f = single_[e].range(boxes[b].box);
+        if (f.low != 0.0 || f.high != 0.0) near[b].push_back(e);
+      }
+    });
+    for (std::size_t b = 0; b < boxes.size(); ++b) boxes[b].field = part(near[b]);
+  }
+
+  std::vector<std::unique_ptr<const Field>> take() { return std::move(owned_); }
+
+private:
+  const Field* part(const std::vector<Index>& elements) {
+    const Field*& made = made_[elements];
+    if (!made) {
+      std::vector<SkeletonElement> kept;
+      for (const Index e : elements) kept.push_back(field_.elements()[e]);
+      made = owned_.emplace_back(std::make_unique<SkeletonField>(std::move(kept), field_.iso())).get();
+      elements_[made] = elements;
+    }
+    return made;
+  }
+
+  const SkeletonField& field_;
+  std::vector<SkeletonField> single_;
+  std::vector<std::unique_ptr<const Field>> owned_;
+  std::map<std::vector<Index>, const Field*> made_;
+  std::unordered_map<const Field*, std::vector<Index>> elements_;  // looked up only, never walked
+};
+
+// Level by level, so that the order does not depend on threads; `narrow` may replace the fields of a level's boxes.
+template <class Narrow>
+std::vector<SurfaceBox> bisect(const Field& field, const SurfaceBoxOptions& options, const Narrow& narrow) {
   const Box bounds = field.bounds();
   if (bounds.empty()) return {};
-  const double diagonal = bounds.diagonal();
   const double size = options.size > 0.0         ? options.size
                       : field.resolution() > 0.0 ? 2.0 * field.resolution()
-                                                 : kDefaultShare * diagonal;
+                                                 : kDefaultShare * bounds.diagonal();
   // A flat box would be bisected for ever on its thin axis: start from a cube.
   const double half = 0.5 * std::max({bounds.size().x, bounds.size().y, bounds.size().z, size}) * (1.0 + 1e-9);
-  std::vector<Box> level{{bounds.center() - half, bounds.center() + half}};
+  std::vector<SurfaceBox> level{{{bounds.center() - half, bounds.center() + half}, &field}};
   for (double side = 2.0 * half; side > size && level.size() * 4 <= options.max_boxes; side *= 0.5) {
     std::vector<std::uint8_t> keep(8 * level.size());
     tbb::parallel_for(std::size_t{0}, keep.size(), [&](std::size_t i) {
-      keep[i] = may_change_sign(field.range(octant(level[i / 8], static_cast<int>(i % 8))));
+      keep[i] = may_change_sign(level[i / 8].field->range(octant(level[i / 8].box, static_cast<int>(i % 8))));
     });
-    std::vector<Box> finer;
+    std::vector<SurfaceBox> finer;
     for (std::size_t i = 0; i < keep.size(); ++i) {
-      if (keep[i]) finer.push_back(octant(level[i / 8], static_cast<int>(i % 8)));
+      if (keep[i]) finer.push_back({octant(level[i / 8].box, static_cast<int>(i % 8)), level[i / 8].field});
     }
+    narrow(finer);
     level = std::move(finer);
   }
   return level;
 }
 
-// The elements that are not constantly zero in the box.
-std::vector<Index> elements_in(const std::vector<SkeletonField>& single, const Box& box) {
-  std::vector<Index> near;
-  for (std::size_t e = 0; e < single.size(); ++e) {
-    const Interval f = single[e].range(box);
-    if (f.low != 0.0 || f.high != 0.0) near.push_back(static_cast<Index>(e));
-  }
-  return near;
-}
-
-void thin_out(const SkeletonField& field, SurfaceBoxes& out) {
-  std::vector<SkeletonField> single;
-  for (const SkeletonElement& e : field.elements()) single.emplace_back(std::vector{e}, 0.0);
-  std::vector<std::vector<Index>> near(out.boxes.size());
-  tbb::parallel_for(std::size_t{0}, near.size(),
-                    [&](std::size_t b) { near[b] = elements_in(single, out.boxes[b].box); });
-  std::map<std::vector<Index>, const Field*> made;
-  for (std::size_t b = 0; b < near.size(); ++b) {
-    const Field*& part = made[near[b]];
-    if (!part) {
-      std::vector<SkeletonElement> elements;
-      for (const Index e : near[b]) elements.push_back(field.elements()[e]);
-      out.owned.push_back(std::make_unique<SkeletonField>(std::move(elements), field.iso()));
-      part = out.owned.back().get();
-    }
-    out.boxes[b].field = part;
-  }
+SurfaceBoxes skeleton_boxes(const SkeletonField& field, const SurfaceBoxOptions& options) {
+  SkeletonParts parts(field);
+  const bool worthwhile = parts.worthwhile();
+  SurfaceBoxes out;
+  out.boxes = bisect(field, options, [&](std::vector<SurfaceBox>& boxes) {
+    if (worthwhile) parts.narrow(boxes);
+  });
+  out.owned = parts.take();
+  return out;
 }
 
 }  // namespace
 
 SurfaceBoxes surface_boxes(const Field& field, const SurfaceBoxOptions& options) {
   if (const auto* grid = dynamic_cast<const GridField*>(&field)) return grid_boxes(*grid);
+  if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) return skeleton_boxes(*skeleton, options);
   SurfaceBoxes out;
-  for (const Box& box : bisect(field, options)) out.boxes.push_back({box, &field});
-  if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) thin_out(*skeleton, out);
+  out.boxes = bisect(field, options, [](std::vector<SurfaceBox>&) {});
   return out;
 }
 

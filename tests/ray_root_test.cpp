@@ -28,8 +28,7 @@ public:
     Interval product{sign_, sign_};
     for (const double r : roots_) {
       const double a = box.low.x - r, b = box.high.x - r;
-      const auto [low, high] =
-          std::minmax({product.low * a, product.low * b, product.high * a, product.high * b});
+      const auto [low, high] = std::minmax({product.low * a, product.low * b, product.high * a, product.high * b});
       product = {low, high};
     }
     return product;
