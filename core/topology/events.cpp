@@ -1,0 +1,138 @@
+#include "core/topology/events.h"
+
+#include <algorithm>
+
+#include "core/field/skeleton_field.h"
+#include "core/topology/critical_interval.h"
+
+namespace isoskin {
+namespace {
+
+using Operation = SurgeryReport (*)(TriangleMesh&, const SurgerySite&, const Field&, const SurgeryOptions&);
+
+struct NamedOperation {
+  const char* name;
+  Operation operation;
+};
+
+/// By kind, and whether the value falls or rises.
+constexpr NamedOperation kOperations[4][2] = {
+    {{"destroy", destroy_component}, {"create", create_component}},
+    {{"cut", cut}, {"connect", connect}},
+    {{"pierce", pierce}, {"spackle", spackle}},
+    {{"open_bubble", open_bubble}, {"burst_bubble", burst_bubble}},
+};
+
+bool before(const CriticalPath& a, const CriticalPath& b) {
+  if (a.crossing_time != b.crossing_time) return a.crossing_time < b.crossing_time;
+  const DVec3 &p = a.crossing->position, &q = b.crossing->position;
+  return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z < q.z;
+}
+
+std::vector<CriticalPath> crossings_of(const CriticalTracking& tracking) {
+  std::vector<CriticalPath> crossings;
+  for (const CriticalPath& path : tracking.paths)
+    if (path.crossing) crossings.push_back(path);
+  std::sort(crossings.begin(), crossings.end(), before);
+  return crossings;
+}
+
+CriticalEvent operate(TriangleMesh& mesh, const CriticalPath& path, const Field& field, const SurgeryOptions& options) {
+  const NamedOperation& chosen = kOperations[int(path.first.kind)][path.rising];
+  const std::size_t vertices = mesh.vertex_count();
+  const SurgeryReport report = chosen.operation(mesh, {path.first, path.last}, field, options);
+  CriticalEvent event;
+  event.kind = chosen.name;
+  event.position = path.crossing->position;
+  event.crossing = path.crossing_time;
+  event.done = report.done;
+  event.reason = report.reason;
+  event.vertices = std::max(report.vertices_added, vertices - std::min(vertices, mesh.vertex_count()));
+  return event;
+}
+
+/// Middles of the pairs of elements whose radii overlap, by a sweep along x.
+void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3>& seeds) {
+  std::vector<std::pair<DVec3, double>> ball;
+  double widest = 0.0;
+  for (const SkeletonElement& e : elements) {
+    ball.emplace_back(0.5 * (e.a + e.b), e.radius);
+    widest = std::max(widest, e.radius);
+  }
+  std::stable_sort(ball.begin(), ball.end(), [](const auto& a, const auto& b) { return a.first.x < b.first.x; });
+  for (std::size_t i = 0; i < ball.size(); ++i)
+    for (std::size_t j = i + 1; j < ball.size() && ball[j].first.x - ball[i].first.x < ball[i].second + widest; ++j)
+      if (glm::distance(ball[i].first, ball[j].first) < ball[i].second + ball[j].second)
+        seeds.push_back(0.5 * (ball[i].first + ball[j].first));
+}
+
+bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
+  return field.elements().size() <= options.complete_elements &&
+         std::all_of(field.elements().begin(), field.elements().end(),
+                     [](const SkeletonElement& e) { return e.a == e.b && e.norm == 2.0; });
+}
+
+}  // namespace
+
+EventOptions event_options(double edge_length) {
+  EventOptions options;
+  options.critical.edge_length = edge_length;
+  options.surgery.edge_length = edge_length;
+  return options;
+}
+
+std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend) {
+  std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend);
+  if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) {
+    for (const SkeletonElement& e : skeleton->elements()) seeds.push_back(0.5 * (e.a + e.b));
+    add_middles(skeleton->elements(), seeds);
+  }
+  return seeds;
+}
+
+CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<const Field> field, Backend& backend,
+                                    const EventOptions& options) {
+  CriticalState state;
+  state.points = find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical).points;
+  const auto* skeleton = dynamic_cast<const SkeletonField*>(field.get());
+  if (skeleton && can_be_searched_completely(*skeleton, options)) {
+    // Farther below zero than this share of the level F is next to constant, and the next frames' searches will do.
+    constexpr double kShare = 0.9;
+    IntervalSearchOptions search;
+    search.values.low = -kShare * std::abs(skeleton->iso());
+    search.max_boxes = options.complete_boxes;
+    search.least_box = options.critical.settled * options.critical.edge_length;
+    const Box box = field->bounds().grown(options.critical.reach * options.critical.edge_length);
+    const IntervalSearch all = find_all_critical_points(*skeleton, box, options.critical, search);
+    state.points.insert(state.points.end(), all.points.begin(), all.points.end());
+    merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
+  }
+  state.field = std::move(field);
+  return state;
+}
+
+EventReport handle_critical_events(TriangleMesh& mesh, CriticalState& state, std::shared_ptr<const Field> field,
+                                   Backend& backend, const EventOptions& options) {
+  EventReport report;
+  if (!state.field) return report;
+  const CriticalSearch found =
+      find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical);
+  const CriticalTracking tracking =
+      track(state.points, found.points, *state.field, *field, options.critical, options.tracking);
+  for (const CriticalPath& path : crossings_of(tracking)) {
+    report.events.push_back(operate(mesh, path, *field, options.surgery));
+    ++(report.events.back().done ? report.done : report.left_over);
+  }
+  state.points.clear();
+  for (const CriticalPath& path : tracking.paths)
+    if (path.exists_after()) state.points.push_back(path.last);
+  merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
+  state.field = std::move(field);
+  report.critical_points = state.points.size();
+  report.degenerate = found.degenerate;
+  report.born = tracking.born;
+  report.died = tracking.died;
+  return report;
+}
+
+}  // namespace isoskin
