@@ -313,7 +313,9 @@ TEST(GrowDisc, always_has_a_simple_border) {
     test_meshes::jitter(mesh, 0.1f, seed);
     const Index start = Index(seed * 7 % mesh.triangle_count());
     const DVec3 at(mesh.position(mesh.vertex[3 * start]));
-    const std::vector<Index> disc = grow_disc(mesh, start, at, DVec3(0, 0, 1), 0.2 + 0.05 * seed);
+    const std::vector<Index> disc = grow_disc(mesh, {start}, [&](Index t) {
+      return glm::distance(DVec3(mesh.position(mesh.vertex[3 * t])), at) < 0.2 + 0.05 * seed;
+    });
     const std::vector<Index> border = disc_border(mesh, disc);
     std::set<Index> corners, all;
     for (const Index h : border) corners.insert(mesh.from(h));

@@ -39,11 +39,6 @@ bool mixed(const TriangleMesh& mesh, const Plane& plane, Index triangle) {
   return above == 1 || above == 2;
 }
 
-double distance_to_line(const Vec3& p, const DVec3& origin, const DVec3& direction) {
-  const DVec3 x = DVec3(p) - origin;
-  return glm::length(x - glm::dot(x, direction) * direction);
-}
-
 }  // namespace
 
 std::vector<LineHit> line_hits(const TriangleMesh& mesh, const DVec3& origin, const DVec3& direction, double reach) {
@@ -124,30 +119,31 @@ std::vector<Index> piece_of(const TriangleMesh& mesh, Index triangle) {
   return piece;
 }
 
-std::vector<Index> grow_disc(const TriangleMesh& mesh, Index seed, const DVec3& origin, const DVec3& direction,
-                             double radius) {
-  std::vector<Index> disc{seed};
-  std::unordered_set<Index> in{seed}, vertices;
-  for (Index k = 0; k < 3; ++k) vertices.insert(mesh.vertex[3 * seed + k]);
+std::vector<Index> grow_disc(const TriangleMesh& mesh, std::vector<Index> seeds,
+                             const std::function<bool(Index triangle)>& wanted) {
+  std::vector<Index> disc = std::move(seeds);
+  std::unordered_set<Index> in(disc.begin(), disc.end()), vertices;
+  for (const Index t : disc)
+    for (Index k = 0; k < 3; ++k) vertices.insert(mesh.vertex[3 * t + k]);
+  // Across one edge the third corner must be new to the disc; with two edges it stays a disc; three would close it.
   const auto fits = [&](Index t) {
     int shared = 0;
-    for (Index k = 0; k < 3; ++k) {
-      if (distance_to_line(mesh.position(mesh.vertex[3 * t + k]), origin, direction) > radius) return false;
-      shared += in.count(TriangleMesh::triangle(mesh.twin[3 * t + k])) != 0;
-    }
-    // Across one edge the third corner must be new to the disc; with two edges it stays a disc; three would close it.
+    Index across = kNone;
+    for (Index h = 3 * t; h < 3 * t + 3; ++h)
+      if (in.count(TriangleMesh::triangle(mesh.twin[h]))) {
+        ++shared;
+        across = h;
+      }
     if (shared == 2) return true;
-    for (Index h = 3 * t; shared == 1 && h < 3 * t + 3; ++h)
-      if (in.count(TriangleMesh::triangle(mesh.twin[h]))) return vertices.count(mesh.from(TriangleMesh::prev(h))) == 0;
-    return false;
+    return shared == 1 && vertices.count(mesh.from(TriangleMesh::prev(across))) == 0;
   };
-  bool grown = radius > 0.0;
+  bool grown = true;
   while (grown) {  // a triangle that does not fit yet may do so later
     grown = false;
     for (std::size_t i = 0; i < disc.size(); ++i)
       for (Index k = 0; k < 3; ++k) {
         const Index t = TriangleMesh::triangle(mesh.twin[3 * disc[i] + k]);
-        if (in.count(t) || !fits(t)) continue;
+        if (in.count(t) || !fits(t) || !wanted(t)) continue;
         in.insert(t);
         disc.push_back(t);
         for (Index j = 0; j < 3; ++j) vertices.insert(mesh.vertex[3 * t + j]);

@@ -1,6 +1,7 @@
 // Where a line or a plane meets a mesh: how an operation finds the triangles around a critical point.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -42,10 +43,10 @@ int winding(const Section& section, const Plane& plane);
 /// Triangles of the connected piece `triangle` belongs to, ascending.
 std::vector<Index> piece_of(const TriangleMesh& mesh, Index triangle);
 
-/// A disc of triangles around `seed`, grown by edges over triangles all of whose corners are nearer than `radius` to
-/// the line; its border is always one simple closed curve. In order of growth, `seed` first.
-std::vector<Index> grow_disc(const TriangleMesh& mesh, Index seed, const DVec3& origin, const DVec3& direction,
-                             double radius);
+/// The disc of triangles `seeds` (one triangle, or the fan of a vertex) grown by edges over triangles that `wanted`
+/// asks for; its border is always one simple closed curve. In order of growth, the seeds first.
+std::vector<Index> grow_disc(const TriangleMesh& mesh, std::vector<Index> seeds,
+                             const std::function<bool(Index triangle)>& wanted);
 
 /// The border of a disc: its halfedges in order, each leaving from the vertex the one before it arrives at.
 std::vector<Index> disc_border(const TriangleMesh& mesh, const std::vector<Index>& disc);
