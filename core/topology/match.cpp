@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <set>
 #include <tuple>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 
@@ -12,7 +15,8 @@ namespace {
 
 constexpr int kCells = BrickLattice::kCells;
 constexpr std::size_t kChunk = 4096;  // vertices
-constexpr std::size_t kShare = 10;    // a link needs at least one in so many votes of either piece
+constexpr std::size_t kFewVotes = 4;  // so many may be strays from another sheet
+constexpr std::size_t kShare = 4;     // beyond its match a piece hangs together with those of one in so many votes
 constexpr Index kSeveral = kNone - 1;
 
 struct Votes {
@@ -20,24 +24,37 @@ struct Votes {
   std::size_t count;
 };
 
+IVec3 around(int i) {
+  return {i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1};
+}
+
+IVec3 cell_of(const BrickLattice& lattice, const Vec3& position) {
+  return IVec3(glm::floor((DVec3(position) - lattice.origin) / lattice.spacing));
+}
+
+template <class Visit>
+void for_pieces_in_cell(const BrickLattice& lattice, const LatticeTopology& topology, const IVec3& cell,
+                        const Visit& visit) {
+  const Index brick = lattice.find({cell.x >> 3, cell.y >> 3, cell.z >> 3});
+  if (brick == kNone) return;
+  const auto [first, last] = topology.patches(brick, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7));
+  for (Index p = first; p < last; ++p) visit(topology.piece[p]);
+}
+
 /// The one piece with patches in a cell; kNone without any, kSeveral with more than one.
 Index piece_in_cell(const BrickLattice& lattice, const LatticeTopology& topology, const IVec3& cell) {
-  const Index brick = lattice.find({cell.x >> 3, cell.y >> 3, cell.z >> 3});
-  if (brick == kNone) return kNone;
-  const auto [first, last] = topology.patches(brick, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7));
-  if (first == last) return kNone;
-  for (Index p = first + 1; p < last; ++p)
-    if (topology.piece[p] != topology.piece[first]) return kSeveral;
-  return topology.piece[first];
+  Index found = kNone;
+  for_pieces_in_cell(lattice, topology, cell, [&](Index p) { found = found == kNone || found == p ? p : kSeveral; });
+  return found;
 }
 
 Index vote(const BrickLattice& lattice, const LatticeTopology& topology, const Vec3& position) {
-  const IVec3 cell(glm::floor((DVec3(position) - lattice.origin) / lattice.spacing));
+  const IVec3 cell = cell_of(lattice, position);
   const Index here = piece_in_cell(lattice, topology, cell);
   if (here != kNone) return here == kSeveral ? kNone : here;
   Index found = kNone;
   for (int i = 0; i < 27; ++i) {
-    const Index near = piece_in_cell(lattice, topology, cell + IVec3(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
+    const Index near = piece_in_cell(lattice, topology, cell + around(i));
     if (near == kNone || near == found) continue;
     if (found != kNone || near == kSeveral) return kNone;
     found = near;
@@ -73,25 +90,70 @@ std::vector<Votes> count_votes(const TriangleMesh& mesh, const MeshPieces& piece
   return out;
 }
 
-/// Pairs that hang together, as indices into `votes`.
-std::vector<std::size_t> strong_links(const std::vector<Votes>& votes, std::size_t mesh_pieces,
-                                      const LatticeTopology& topology, double least_piece) {
+/// Which piece is which, one to one; kNone where there is no such piece.
+struct Matching {
+  std::vector<Index> of_mesh, of_lattice;
+
+  void add(Index mesh, Index lattice) {
+    of_mesh[mesh] = lattice;
+    of_lattice[lattice] = mesh;
+  }
+};
+
+/// Pieces that vote for each other most.
+Matching mutual_matches(const std::vector<Votes>& votes, std::size_t mesh_pieces, std::size_t lattice_pieces) {
   constexpr std::size_t kNoVote = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> best_of_mesh(mesh_pieces, kNoVote), best_of_lattice(topology.piece_count(), kNoVote);
-  std::vector<std::size_t> from_mesh(mesh_pieces, 0), to_lattice(topology.piece_count(), 0);
+  std::vector<std::size_t> best_of_mesh(mesh_pieces, kNoVote), best_of_lattice(lattice_pieces, kNoVote);
   for (std::size_t i = 0; i < votes.size(); ++i) {
     const auto better = [&](std::size_t than) { return than == kNoVote || votes[i].count > votes[than].count; };
     if (better(best_of_mesh[votes[i].mesh])) best_of_mesh[votes[i].mesh] = i;
     if (better(best_of_lattice[votes[i].lattice])) best_of_lattice[votes[i].lattice] = i;
-    from_mesh[votes[i].mesh] += votes[i].count;
-    to_lattice[votes[i].lattice] += votes[i].count;
   }
-  std::vector<std::size_t> out;
-  for (std::size_t i = 0; i < votes.size(); ++i) {
-    const Votes& v = votes[i];
-    const bool small = std::abs(topology.volume[v.lattice]) < least_piece;
-    const bool share = v.count * kShare >= from_mesh[v.mesh] || v.count * kShare >= to_lattice[v.lattice];
-    if (best_of_mesh[v.mesh] == i || (!small && (best_of_lattice[v.lattice] == i || share))) out.push_back(i);
+  Matching matching{std::vector<Index>(mesh_pieces, kNone), std::vector<Index>(lattice_pieces, kNone)};
+  for (const std::size_t i : best_of_mesh)
+    if (i != kNoVote && best_of_lattice[votes[i].lattice] == i) matching.add(votes[i].mesh, votes[i].lattice);
+  return matching;
+}
+
+/// A mesh piece without a match takes the lattice piece without one that most of its vertices have near. Drops of a few
+/// cells beside a sheet need it: their own cell votes are too few.
+void match_leftovers(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
+                     const LatticeTopology& topology, Matching& matching) {
+  std::map<std::pair<Index, Index>, std::size_t> near;  // (mesh piece, lattice piece) to vertices
+  for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
+    const Index m = pieces.of_vertex[v];
+    if (m == kNone || matching.of_mesh[m] != kNone) continue;
+    std::set<Index> seen;
+    const IVec3 cell = cell_of(lattice, mesh.vertices.position[v]);
+    for (int i = 0; i < 27; ++i)
+      for_pieces_in_cell(lattice, topology, cell + around(i), [&](Index l) {
+        if (matching.of_lattice[l] == kNone) seen.insert(l);
+      });
+    for (const Index l : seen) ++near[{m, l}];
+  }
+  std::vector<std::pair<std::pair<Index, Index>, std::size_t>> order(near.begin(), near.end());
+  std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  for (const auto& [pair, count] : order)
+    if (matching.of_mesh[pair.first] == kNone && matching.of_lattice[pair.second] == kNone)
+      matching.add(pair.first, pair.second);
+}
+
+/// Pairs of pieces that are not matched but hang together: one covers a good part of the other.
+std::vector<std::pair<Index, Index>> overlaps(const std::vector<Votes>& votes, const Matching& matching,
+                                              const MeshPieces& pieces, const LatticeTopology& topology,
+                                              double least_piece) {
+  std::vector<std::size_t> from_mesh(matching.of_mesh.size(), 0), to_lattice(matching.of_lattice.size(), 0);
+  for (const Votes& v : votes) {
+    from_mesh[v.mesh] += v.count;
+    to_lattice[v.lattice] += v.count;
+  }
+  std::vector<std::pair<Index, Index>> out;
+  for (const Votes& v : votes) {
+    if (matching.of_mesh[v.mesh] == v.lattice || v.count < kFewVotes) continue;
+    const bool much_of_mesh = v.count * kShare >= from_mesh[v.mesh] && std::abs(pieces.volume[v.mesh]) >= least_piece;
+    const bool much_of_lattice =
+        v.count * kShare >= to_lattice[v.lattice] && std::abs(topology.volume[v.lattice]) >= least_piece;
+    if (much_of_mesh || much_of_lattice) out.emplace_back(v.mesh, v.lattice);
   }
   return out;
 }
@@ -101,6 +163,8 @@ std::vector<std::size_t> strong_links(const std::vector<Votes>& votes, std::size
 std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
                                   const LatticeTopology& topology, double least_piece) {
   const std::vector<Votes> votes = count_votes(mesh, pieces, lattice, topology);
+  Matching matching = mutual_matches(votes, pieces.count(), topology.piece_count());
+  match_leftovers(mesh, pieces, lattice, topology, matching);
   // Disjoint sets over mesh pieces, then lattice pieces; the representative is the smallest member.
   std::vector<Index> parent(pieces.count() + topology.piece_count());
   std::iota(parent.begin(), parent.end(), Index{0});
@@ -108,10 +172,13 @@ std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pi
     while (parent[a] != a) a = parent[a] = parent[parent[a]];
     return a;
   };
-  for (const std::size_t i : strong_links(votes, pieces.count(), topology, least_piece)) {
-    const Index a = find(votes[i].mesh), b = find(static_cast<Index>(pieces.count()) + votes[i].lattice);
+  const auto join = [&](Index mesh_piece, Index lattice_piece) {
+    const Index a = find(mesh_piece), b = find(static_cast<Index>(pieces.count()) + lattice_piece);
     parent[std::max(a, b)] = std::min(a, b);
-  }
+  };
+  for (Index m = 0; m < pieces.count(); ++m)
+    if (matching.of_mesh[m] != kNone) join(m, matching.of_mesh[m]);
+  for (const auto& [m, l] : overlaps(votes, matching, pieces, topology, least_piece)) join(m, l);
   std::vector<Cluster> clusters;
   std::vector<Index> cluster_of(parent.size(), kNone);
   for (Index p = 0; p < parent.size(); ++p) {

@@ -16,11 +16,12 @@ struct Cluster {
 };
 
 /// Every vertex in a cell with patches of exactly one lattice piece (or, in an empty cell, with one such piece in the
-/// 26 cells around it) votes for that piece. A mesh piece hangs together with the lattice piece it votes for most, a
-/// lattice piece with the mesh piece that votes for it most, and both with every other that has a tenth of their votes;
-/// stray votes near another sheet are fewer. Lattice pieces enclosing less than `least_piece` take part only where a
-/// mesh piece votes for them most: they may lack a mesh. Every piece is in exactly one cluster; clusters are in order
-/// of their first mesh piece, then of their first lattice piece. Parallel and deterministic.
+/// 26 cells around it) votes for that piece. A mesh piece and a lattice piece that vote for each other most match; mesh
+/// pieces left over take the lattice piece left over that most of their vertices have within a cell. Beyond its match a
+/// piece hangs together with every other of the other kind that has a quarter of its votes; fewer are strays near
+/// another sheet, and so are those of pieces enclosing less than `least_piece`, mesh or lattice, which have few votes
+/// in all. Every piece is in exactly one cluster, so no stray can hide a piece that has no match of its own; clusters
+/// are in order of their first mesh piece, then of their first lattice piece. Parallel and deterministic.
 std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
                                   const LatticeTopology& topology, double least_piece);
 
