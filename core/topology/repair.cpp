@@ -115,12 +115,10 @@ RepairReport reextract(TriangleMesh& mesh, const MeshPieces& pieces, const Certi
     Extracted extracted;
     extracted.first_id = mesh.next_id;
     extracted.raw = marching_cubes(lattice, topology, wanted, mesh.next_id, &extracted.piece_of_vertex);
-    project_extracted(extracted.raw, lattice.spacing, backend, project);
     fresh = extracted.raw;
-    if (options.coarsening > 0.0f) {
-      settle(fresh, backend, alter, relax, project, options);
-      fresh = best_of_both(std::move(fresh), extracted, topology);
-    }
+    project_extracted(fresh, lattice.spacing, backend, project);
+    if (options.coarsening > 0.0f) settle(fresh, backend, alter, relax, project, options);
+    fresh = best_of_both(std::move(fresh), extracted, topology);
     fresh.vertices.rest = fresh.vertices.position;
     std::fill(fresh.vertices.velocity.begin(), fresh.vertices.velocity.end(), Vec3(0.0f));
     std::fill(fresh.vertices.age.begin(), fresh.vertices.age.end(), Index{0});
