@@ -13,9 +13,10 @@ namespace {
 // A round costs what its candidates cost, and they fade quickly; the limits only bound the tail.
 constexpr int kSplitRounds = 12;
 constexpr int kCollapseRounds = 32;
-// Much too short edges go first: it is better for shapes, and on a mesh that is far too fine fewer edges compete at
-// once.
-constexpr std::array kCollapseShares = {0.4f, 0.7f, 1.0f};
+// Where more than this share of edges is too short, the much too short ones go first: it is better for shapes, and
+// fewer edges compete at once.
+constexpr double kManyCollapses = 0.02;
+constexpr std::array kEarlyCollapses = {0.4f, 0.7f};
 constexpr int kFlipRounds = 12;
 constexpr float kFlat = 0.02f;  // a triangle lower than this share of its longest edge has no normal to speak of
 constexpr float kValenceWeight = 0.3f;  // see flip_gain
@@ -123,7 +124,9 @@ public:
       : mesh_(mesh),
         state_{mesh, options},
         longest_(options.longest * options.edge_length * options.longest * options.edge_length),
-        least_cosine_(std::cos(glm::radians(options.max_collapse_turn))) {}
+        least_cosine_(std::cos(glm::radians(options.max_collapse_turn))) {
+    restrict_to(1.0f);
+  }
 
   /// From now on only edges below this share of the shortest wanted length.
   void restrict_to(float share) {
@@ -247,27 +250,32 @@ private:
     return float(2 * (v(0) + v(1) - v(2) - v(3)) - 4);
   }
 
+  /// (cot A + cot B + cot C) / sqrt 3 of a triangle from its squared edges' sum and twice its area: 1 when equilateral.
+  static float shape_cost(float squared_edges, float doubled_area) {
+    constexpr float kScale = 0.28867513f;  // 1 / (2 sqrt 3)
+    return kScale * squared_edges / std::max(doubled_area, 1e-5f * squared_edges);
+  }
+
   /// How much a flip lowers  sum over triangles (cot A + cot B + cot C) / sqrt 3  +  kValenceWeight * sum (valence -
   /// 6)^2: the first is what Delaunay triangulations minimise (Rippa 1990); one sum that only falls cannot cycle.
   float gain(Index h) const {
     const std::array<Index, 4> q = quad(h);
-    const float by_valence = kValenceWeight * valence_gain(q);
     const Vec3 &a = mesh_.position(q[0]), &b = mesh_.position(q[1]), &c = mesh_.position(q[2]),
                &d = mesh_.position(q[3]);
     const Vec3 old_c = glm::cross(b - a, c - a), old_d = glm::cross(d - a, b - a);
-    const Vec3 new_a = glm::cross(d - a, c - a), new_b = glm::cross(c - b, d - b);
-    const float area_c = glm::length(old_c), area_d = glm::length(old_d), area_a = glm::length(new_a),
-                area_b = glm::length(new_b);
-    const float ab = squared(b - a), cd = squared(d - c), bc = squared(c - b), ca = squared(a - c), ad = squared(d - a),
-                db = squared(b - d);
+    const float area_c = glm::length(old_c), area_d = glm::length(old_d);
+    const float ab = squared(b - a), bc = squared(c - b), ca = squared(a - c), ad = squared(d - a), db = squared(b - d);
+    const float before = shape_cost(ab + bc + ca, area_c) + shape_cost(ab + ad + db, area_d);
+    const float by_valence = kValenceWeight * valence_gain(q);
+    if (before - 2.0f + by_valence <= kLeastGain) return 0.0f;  // no two triangles cost less than 2
+
+    const float cd = squared(d - c);
     if (cd > std::max(longest_, ab)) return 0.0f;  // it would be split at once
+    const Vec3 new_a = glm::cross(d - a, c - a), new_b = glm::cross(c - b, d - b);
+    const float area_a = glm::length(new_a), area_b = glm::length(new_b);
     const float flat = kFlat * std::max({ab, cd, bc, ca, ad, db});
     if (area_a <= flat || area_b <= flat) return 0.0f;
-    constexpr float kScale =
-        0.28867513f;  // sum of cotangents = sum of squared edges / (4 area); areas here are doubled
-    const float before =
-        kScale * ((ab + bc + ca) / std::max(area_c, 1e-3f * flat) + (ab + ad + db) / std::max(area_d, 1e-3f * flat));
-    const float after = kScale * ((cd + ca + ad) / area_a + (cd + bc + db) / area_b);
+    const float after = shape_cost(cd + ca + ad, area_a) + shape_cost(cd + bc + db, area_b);
     const float result = before - after + by_valence;
     if (!(result > kLeastGain)) return 0.0f;
     for (const Index v : q)
@@ -288,6 +296,21 @@ private:
   std::vector<Index> valence_;
 };
 
+std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options) {
+  Collapses collapses(mesh, options);
+  std::vector<Index> candidates = wanted_edges(mesh, collapses);
+  std::size_t done = 0;
+  if (double(candidates.size()) > kManyCollapses * double(mesh.vertex.size() / 2)) {
+    for (const float share : kEarlyCollapses) {
+      collapses.restrict_to(share);
+      done += edit_independently(mesh, collapses, wanted_edges(mesh, collapses), kCollapseRounds);
+    }
+    collapses.restrict_to(1.0f);
+    candidates = wanted_edges(mesh, collapses);
+  }
+  return done + edit_independently(mesh, collapses, std::move(candidates), kCollapseRounds);
+}
+
 }  // namespace
 
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted) {
@@ -298,15 +321,11 @@ AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::ve
   AlterReport report;
   std::vector<std::uint8_t> inverted_now = inverted;
   Splits splits(mesh, options, inverted_now);
-  report.splits = edit_independently(mesh, splits, kSplitRounds);
-  Collapses collapses(mesh, options);
-  for (const float share : kCollapseShares) {
-    collapses.restrict_to(share);
-    report.collapses += edit_independently(mesh, collapses, kCollapseRounds);
-  }
+  report.splits = edit_independently(mesh, splits, wanted_edges(mesh, splits), kSplitRounds);
+  report.collapses = collapse(mesh, options);
   if (options.flip) {
     Flips flips(mesh, options, locked);
-    report.flips = edit_independently(mesh, flips, kFlipRounds);
+    report.flips = edit_independently(mesh, flips, wanted_edges(mesh, flips), kFlipRounds);
   }
   if (report.collapses > 0) compact(mesh);
   return report;

@@ -10,14 +10,14 @@ namespace isoskin {
 
 struct AlterOptions {
   float edge_length = 1.0f;  // e, world units
-  float shortest = 0.75f;    // e_min: collapse below this times e, unless being stretched
-  float longest = 1.4f;      // e_max: split above this times e, unless being compressed
+  float shortest = 0.8f;     // e_min: collapse below this times e, unless being stretched
+  float longest = 1.333f;    // e_max: split above this times e, unless being compressed
   float rate =
       0.1f;          // eps_e: an edge is being stretched (compressed) when it changes by more than this times e a frame
   float dt = 0.04f;  // seconds a frame, to turn the velocity column into a change of length
   bool respect_locks = true;  // vertices of age 0 are left alone
   bool flip = true;           // better-shaped, more regular diagonals where normals allow
-  float max_flip_turn = 30;   // degrees: no flip across a sharper crease, none that turns a triangle's normal further
+  float max_flip_turn = 45;   // degrees: no flip across a sharper crease, none that turns a triangle's normal further
   float max_collapse_turn = 60;  // degrees a surviving triangle's normal may turn in a collapse
 };
 

@@ -1,5 +1,6 @@
 #include "core/mesh/edit.h"
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -40,14 +41,8 @@ struct Renumbering {
 };
 template <class Keep>
 Renumbering renumber(std::size_t n, const Keep& keep) {
-  Renumbering out;
-  out.renumbered.assign(n, kNone);
-  out.kept.reserve(n);
-  for (Index i = 0; i < n; ++i) {
-    if (!keep(i)) continue;
-    out.renumbered[i] = Index(out.kept.size());
-    out.kept.push_back(i);
-  }
+  Renumbering out{indices_where(n, keep), std::vector<Index>(n, kNone)};
+  for_each_index(out.kept.size(), [&](std::size_t i) { out.renumbered[out.kept[i]] = Index(i); });
   return out;
 }
 
@@ -126,8 +121,10 @@ void compact(TriangleMesh& mesh) {
   const auto [triangles, new_triangle] =
       renumber(mesh.triangle_count(), [&](Index t) { return mesh.vertex[3 * t] != kNone; });
   std::vector<std::uint8_t> used(mesh.vertex_count(), 0);
-  for (const Index v : mesh.vertex)
-    if (v != kNone) used[v] = 1;
+  for_each_index(mesh.vertex.size(), [&](std::size_t h) {
+    if (mesh.vertex[h] != kNone)
+      std::atomic_ref<std::uint8_t>(used[mesh.vertex[h]]).store(1, std::memory_order_relaxed);
+  });
   const auto [vertices, new_vertex] = renumber(mesh.vertex_count(), [&](Index v) { return used[v] != 0; });
   if (triangles.size() == mesh.triangle_count() && vertices.size() == mesh.vertex_count()) return;
 

@@ -31,6 +31,31 @@ std::vector<Index> indices_where(std::size_t n, const Keep& keep) {
   return out;
 }
 
+/// Halfedges as bits: many threads add, then they come out ascending. Costs little when few are in.
+class EdgeSet {
+public:
+  explicit EdgeSet(std::size_t halfedges) : bits_((halfedges + 63) / 64, 0) {}
+
+  void add(Index h) {
+    std::atomic_ref<std::uint64_t>(bits_[h / 64]).fetch_or(std::uint64_t(1) << h % 64, std::memory_order_relaxed);
+  }
+
+  template <class Keep>
+  std::vector<Index> where(const Keep& keep) const {
+    const std::vector<Index> words = indices_where(bits_.size(), [&](Index w) { return bits_[w] != 0; });
+    const auto halfedge = [&](Index slot) { return 64 * words[slot / 64] + slot % 64; };
+    std::vector<Index> out = indices_where(64 * words.size(), [&](Index slot) {
+      const Index h = halfedge(slot);
+      return (bits_[h / 64] >> h % 64 & 1) != 0 && keep(h);
+    });
+    for_each_index(out.size(), [&](std::size_t i) { out[i] = halfedge(out[i]); });
+    return out;
+  }
+
+private:
+  std::vector<std::uint64_t> bits_;
+};
+
 /// A key that sorts by `size` (>= 0, in coarse steps: a quarter octave of its root), then by a hash of the edge's ids,
 /// so that winners lie scattered and depend on nothing but geometry and ids.
 inline std::uint64_t edge_key(const TriangleMesh& mesh, Index h, float size) {
@@ -42,21 +67,26 @@ inline std::uint64_t edge_key(const TriangleMesh& mesh, Index h, float size) {
   return std::uint64_t(std::bit_cast<std::uint32_t>(size) >> 22) << 48 | x >> 16;
 }
 
-/// Rounds of edits. In each, every wanted edge claims some cells (vertices or triangles); it wins when no better
-/// claim lies on any cell it watches, so winners can be planned and then applied all at once. Losers, and edges near an
-/// applied edit, are candidates of the next round. Returns the number of edits applied.
+/// The edges an edit wants (see edit_independently), each as the smaller of its halfedges, ascending.
+template <class Edit>
+std::vector<Index> wanted_edges(const TriangleMesh& mesh, const Edit& edit) {
+  return indices_where(mesh.vertex.size(),
+                       [&](Index h) { return mesh.vertex[h] != kNone && h < mesh.twin[h] && edit.wants(h); });
+}
+
+/// Rounds of edits, starting with the candidates of wanted_edges. In each, every candidate claims some cells (vertices
+/// or triangles); it wins when no better claim lies on any cell it watches, so winners can be planned and then applied
+/// all at once. Losers, and edges near an applied edit, are candidates of the next round. Returns the number of edits
+/// applied.
 ///
 /// Edit offers: wants(h); key(h), smaller is better; cell_count(); for_each_claim(h, f); for_each_watched(h, f), a
 /// superset of the claims such that edits conflict exactly when one watches what the other claims; plan(h), the edit's
 /// parameter, negative when refused; make_room(count); apply(h, plan, i), i < count, in order of halfedges, which
 /// returns an anchor; for_each_changed(anchor, f), halfedges to look at again.
 template <class Edit>
-std::size_t edit_independently(TriangleMesh& mesh, Edit& edit, int max_rounds) {
-  std::vector<Index> candidates = indices_where(
-      mesh.vertex.size(), [&](Index h) { return mesh.vertex[h] != kNone && h < mesh.twin[h] && edit.wants(h); });
+std::size_t edit_independently(TriangleMesh& mesh, Edit& edit, std::vector<Index> candidates, int max_rounds) {
   std::vector<Index> best;  // of every cell: the position among the candidates of its best claim
   std::vector<std::uint64_t> key;
-  std::vector<std::uint8_t> listed;
   std::size_t total = 0;
   const auto few = [&] { return candidates.size() < mesh.vertex.size() / 1000; };  // not worth a pass over the mesh
   for (int round = 0; round < max_rounds && !candidates.empty() && !(round >= 4 && few()); ++round) {
@@ -99,16 +129,15 @@ std::size_t edit_independently(TriangleMesh& mesh, Edit& edit, int max_rounds) {
                    [&](std::size_t i) { anchor[i] = edit.apply(candidates[applied[i]], plan[applied[i]], Index(i)); });
     total += applied.size();
 
-    listed.assign(mesh.vertex.size(), 0);
+    EdgeSet next(mesh.vertex.size());
     const auto list = [&](Index h) {
-      if (mesh.vertex[h] == kNone) return;
-      std::atomic_ref<std::uint8_t>(listed[std::min(h, mesh.twin[h])]).store(1, std::memory_order_relaxed);
+      if (mesh.vertex[h] != kNone) next.add(std::min(h, mesh.twin[h]));
     };
     for_each_index(candidates.size(), [&](std::size_t i) {
       if (!won[i]) list(candidates[i]);
     });
     for_each_index(applied.size(), [&](std::size_t i) { edit.for_each_changed(anchor[i], list); });
-    candidates = indices_where(listed.size(), [&](Index h) { return listed[h] && edit.wants(h); });
+    candidates = next.where([&](Index h) { return edit.wants(h); });
   }
   return total;
 }
