@@ -2,6 +2,7 @@
 // Every work item owns a fixed share of the vertices, so a sum has the same tree whatever the device does; one item
 // finishes the partial sums in order and keeps the scalars. After convergence all kernels return at once.
 #pragma OPENCL FP_CONTRACT OFF
+#define INLINE static inline __attribute__((always_inline))
 
 #if VW == 16
 typedef float16 vfloat;
@@ -10,7 +11,7 @@ typedef float16 vfloat;
 // A CPU's item owns neighbours, a GPU's strides so that neighbours are read together.
 #define OWN(k) (item * share.each + (k))
 #define OWN_PACKET(k) (item * (3 * share.each / VW) + (k))
-float lane_sum(float16 v) {
+INLINE float lane_sum(float16 v) {
   const float8 a = v.lo + v.hi;
   const float4 b = a.lo + a.hi;
   const float2 c = b.lo + b.hi;
@@ -22,7 +23,7 @@ typedef float vfloat;
 #define STORE(v, i, to) ((to)[i] = (v))
 #define OWN(k) (item + (k)*share.items)
 #define OWN_PACKET(k) (item + (k)*share.items)
-float lane_sum(float v) {
+INLINE float lane_sum(float v) {
   return v;
 }
 #endif
@@ -42,7 +43,7 @@ typedef struct {
   float beta;
 } CgState;
 
-float3 gather_corners(global const uint* first, global const uint* corner, global const float* slots, uint v) {
+INLINE float3 gather_corners(global const uint* first, global const uint* corner, global const float* slots, uint v) {
   float3 sum = (float3)(0.0f);
   const uint end = first[v + 1];
   for (uint i = first[v]; i < end; ++i) sum += vload3(corner[i], slots);
@@ -123,7 +124,7 @@ kernel void turn(global float* p, global const float* r, global const CgState* s
 }
 
 // Neumaier's compensated sum: as good as double, on devices that have none.
-float finish_sum(global const float* partial, uint count) {
+INLINE float finish_sum(global const float* partial, uint count) {
   float sum = 0.0f, lost = 0.0f;
   for (uint i = 0; i < count; ++i) {
     const float next = partial[i];

@@ -1,6 +1,7 @@
 // Elements of the elastic skin: forces, frozen frames and the stiffness product, port of core/mechanics/element.h. One
 // triangle a work item writes to its three corners' slots; cg.cl gathers them by vertex. No atomics.
 #pragma OPENCL FP_CONTRACT OFF
+#define INLINE static inline __attribute__((always_inline))
 
 #define SQRT3 1.7320508075688772935f
 #define EDGE_TIE 1e-5f
@@ -22,17 +23,17 @@ typedef struct {
   float3 at[3];
 } Corners;
 
-Corners load_corners(global const float* from, uint3 v) {
+INLINE Corners load_corners(global const float* from, uint3 v) {
   return (Corners){{vload3(v.x, from), vload3(v.y, from), vload3(v.z, from)}};
 }
 
-void store_corners(float3 a, float3 b, float3 c, uint t, global float* slots) {
+INLINE void store_corners(float3 a, float3 b, float3 c, uint t, global float* slots) {
   vstore3(a, 3 * t, slots);
   vstore3(b, 3 * t + 1, slots);
   vstore3(c, 3 * t + 2, slots);
 }
 
-float3 any_normal(float3 a) {
+INLINE float3 any_normal(float3 a) {
   const float3 b = fabs(a);
   const float3 axis = b.x <= b.y && b.x <= b.z ? (float3)(1.0f, 0.0f, 0.0f)
                       : b.y <= b.z             ? (float3)(0.0f, 1.0f, 0.0f)
@@ -41,7 +42,7 @@ float3 any_normal(float3 a) {
   return n / sqrt(dot(n, n));
 }
 
-ElementFrame element_frame(Corners p, int inverted, float3 outward) {
+INLINE ElementFrame element_frame(Corners p, int inverted, float3 outward) {
   const float3 edge[3] = {p.at[1] - p.at[0], p.at[2] - p.at[1], p.at[0] - p.at[2]};
   int k = 0;
   float best = 0.0f;
@@ -90,8 +91,8 @@ ElementFrame element_frame(Corners p, int inverted, float3 outward) {
 
 // Stiffness times the corners' displacements, or times their positions with `rest` = e: minus the forces. Strain is
 // taken times e, so e cancels against the area.
-void stress_slots(float3 x, float3 y, float3 d1, float3 d2, float rest, const ElementParams m, uint t,
-                  global float* slots) {
+INLINE void stress_slots(float3 x, float3 y, float3 d1, float3 d2, float rest, const ElementParams m, uint t,
+                         global float* slots) {
   const float3 c1 = (2.0f * d2 - d1) * (1.0f / SQRT3);
   const float xx = dot(x, d1) - rest;
   const float yy = dot(y, c1) - rest;
@@ -133,13 +134,13 @@ kernel void element_product(global const float* frames, global const uint* verte
 }
 
 // Half the spring's pull on the start of an edge; the other triangle of the edge has the other half.
-float3 spring_pull(float3 edge, const ElementParams m) {
+INLINE float3 spring_pull(float3 edge, const ElementParams m) {
   const float length = sqrt(dot(edge, edge));
   if (!(length > 0.0f)) return (float3)(0.0f);
   return (0.5f * m.spring * (length - m.edge_length) / length) * edge;
 }
 
-float3 spring_stiffness(float3 edge, float3 change, const ElementParams m) {
+INLINE float3 spring_stiffness(float3 edge, float3 change, const ElementParams m) {
   const float length = sqrt(dot(edge, edge));
   if (!(length > 0.0f)) return (float3)(0.0f);
   const float3 a = edge / length;

@@ -1,6 +1,6 @@
 // Field values, gradients and Hessians at points, written once over any field's field_sample() and field_hessian().
 // Within the range of float; zero where the point is not finite.
-vfloat held(vfloat v, vint good) {
+INLINE vfloat held(vfloat v, vint good) {
   return select((vfloat)(0.0f), clamp(v, -FLT_MAX, FLT_MAX), good);
 }
 

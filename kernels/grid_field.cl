@@ -26,98 +26,95 @@ typedef struct {
   float3 t;  // within the cell
 } GridCell;
 
-GridCell grid_cell(FIELD_PARAMS, vec3v p) {
-  const float3 u = (float3)(p.x, p.y, p.z) * field.over_h;
-  const float3 base = floor(u);
-  GridCell cell = {0, field.outside, u - base};
-  const float3 end = (float3)(field.size[0], field.size[1], field.size[2]) * (float)BRICK;
-  if (!all(base >= 0.0f && base < end)) return cell;  // also where u is NaN
-  const int3 c = convert_int3(base);
-  const int3 b = c / BRICK;
-  const int3 i = c % BRICK;
-  const int entry = field_table[(b.x * field.size[1] + b.y) * field.size[2] + b.z];
+INLINE GridCell grid_cell(FIELD_PARAMS, vec3v p) {
+  const float x = p.x * field.over_h, y = p.y * field.over_h, z = p.z * field.over_h;
+  GridCell cell = {0, field.outside, (float3)(0.0f)};
+  const int within = x >= 0.0f && y >= 0.0f && z >= 0.0f && x < (float)(BRICK * field.size[0]) &&
+                     y < (float)(BRICK * field.size[1]) && z < (float)(BRICK * field.size[2]);
+  if (!within) return cell;  // also where the point is not a number
+  const int i = (int)x, j = (int)y, k = (int)z;
+  const int entry = field_table[((i >> 3) * field.size[1] + (j >> 3)) * field.size[2] + (k >> 3)];
+  cell.t = (float3)(x - (float)i, y - (float)j, z - (float)k);
   if (entry < 0)
     cell.value = field_constant[-1 - entry];
   else
-    cell.tap = field_tap + (size_t)entry * (TAPS * TAPS * TAPS) + (i.x * TAPS + i.y) * TAPS + i.z;
+    cell.tap = field_tap + (size_t)entry * (TAPS * TAPS * TAPS) + ((i & 7) * TAPS + (j & 7)) * TAPS + (k & 7);
   return cell;
 }
 
 #ifdef CUBIC
 // Weights of the cubic B-spline on taps -1, 0, 1, 2 at t in [0, 1), and their derivatives.
-float4 weights(float t) {
+INLINE float4 weights(float t) {
   const float s = 1.0f - t;
   const float t2 = t * t;
   const float s2 = s * s;
   return (float4)(s2 * s, 4.0f + 3.0f * t2 * (t - 2.0f), 4.0f + 3.0f * s2 * (s - 2.0f), t2 * t) * (1.0f / 6.0f);
 }
-float4 first_weights(float t) {
+INLINE float4 first_weights(float t) {
   const float s = 1.0f - t;
   return (float4)(-s * s, t * (3.0f * t - 4.0f), s * (4.0f - 3.0f * s), t * t) * 0.5f;
 }
-float4 second_weights(float t) {
+INLINE float4 second_weights(float t) {
   return (float4)(1.0f - t, 3.0f * t - 2.0f, 1.0f - 3.0f * t, t);
 }
 
-float dot4(float4 a, float4 b) {
+INLINE float dot4(float4 a, float4 b) {
   const float4 c = a * b;
   return (c.x + c.y) + (c.z + c.w);
 }
 
-float4 row(global const float* tap, int x, int y) {
-  return vload4(0, tap + (x * TAPS + y) * TAPS);
-}
-
-float4 blend(float4 w, float4 a, float4 b, float4 c, float4 d) {
+INLINE float4 blend(float4 w, float4 a, float4 b, float4 c, float4 d) {
   return MUL_ADD((float4)(w.w), d, MUL_ADD((float4)(w.z), c, MUL_ADD((float4)(w.y), b, w.x * a)));
 }
 
-FieldValue field_sample(FIELD_PARAMS, vec3v p) {
+// The rows of four planes of equal x, blended along y. Named, not arrays: PoCL would keep arrays in memory.
+typedef struct {
+  float4 a, b, c, d;
+} Planes;
+
+INLINE float4 rows(global const float* tap, float4 w) {
+  return blend(w, vload4(0, tap), vload4(0, tap + TAPS), vload4(0, tap + 2 * TAPS), vload4(0, tap + 3 * TAPS));
+}
+
+INLINE Planes planes(global const float* tap, float4 w) {
+  const int next = TAPS * TAPS;
+  return (Planes){rows(tap, w), rows(tap + next, w), rows(tap + 2 * next, w), rows(tap + 3 * next, w)};
+}
+
+INLINE float4 across(float4 w, Planes p) {
+  return blend(w, p.a, p.b, p.c, p.d);
+}
+
+INLINE FieldValue field_sample(FIELD_PARAMS, vec3v p) {
   const GridCell cell = grid_cell(FIELD_ARGS, p);
   if (!cell.tap) return (FieldValue){cell.value, {0.0f, 0.0f, 0.0f}};
   const float4 wx = weights(cell.t.x), wy = weights(cell.t.y), wz = weights(cell.t.z);
   const float4 dx = first_weights(cell.t.x), dy = first_weights(cell.t.y), dz = first_weights(cell.t.z);
-  float4 by_y[4], by_dy[4];
-  for (int i = 0; i < 4; ++i) {
-    const float4 a = row(cell.tap, i, 0), b = row(cell.tap, i, 1), c = row(cell.tap, i, 2), d = row(cell.tap, i, 3);
-    by_y[i] = blend(wy, a, b, c, d);
-    by_dy[i] = blend(dy, a, b, c, d);
-  }
-  const float4 f = blend(wx, by_y[0], by_y[1], by_y[2], by_y[3]);
-  const float4 fx = blend(dx, by_y[0], by_y[1], by_y[2], by_y[3]);
-  const float4 fy = blend(wx, by_dy[0], by_dy[1], by_dy[2], by_dy[3]);
+  const Planes by_y = planes(cell.tap, wy), by_dy = planes(cell.tap, dy);
+  const float4 f = across(wx, by_y), fx = across(dx, by_y), fy = across(wx, by_dy);
   return (FieldValue){dot4(f, wz),
                       {dot4(fx, wz) * field.over_h, dot4(fy, wz) * field.over_h, dot4(f, dz) * field.over_h}};
 }
 
-void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
+INLINE void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
   for (int k = 0; k < 6; ++k) h[k] = 0.0f;
   const GridCell cell = grid_cell(FIELD_ARGS, p);
   if (!cell.tap) return;
   const float4 wz = weights(cell.t.z), dz = first_weights(cell.t.z), ez = second_weights(cell.t.z);
   const float4 wx = weights(cell.t.x), dx = first_weights(cell.t.x), ex = second_weights(cell.t.x);
   const float4 wy = weights(cell.t.y), dy = first_weights(cell.t.y), ey = second_weights(cell.t.y);
-  float4 by_y[4], by_dy[4], by_ey[4];
-  for (int i = 0; i < 4; ++i) {
-    const float4 a = row(cell.tap, i, 0), b = row(cell.tap, i, 1), c = row(cell.tap, i, 2), d = row(cell.tap, i, 3);
-    by_y[i] = blend(wy, a, b, c, d);
-    by_dy[i] = blend(dy, a, b, c, d);
-    by_ey[i] = blend(ey, a, b, c, d);
-  }
+  const Planes by_y = planes(cell.tap, wy), by_dy = planes(cell.tap, dy), by_ey = planes(cell.tap, ey);
   const float scale = field.over_h * field.over_h;
-  const float4 f = blend(wx, by_y[0], by_y[1], by_y[2], by_y[3]);
-  const float4 fx = blend(dx, by_y[0], by_y[1], by_y[2], by_y[3]);
-  const float4 fy = blend(wx, by_dy[0], by_dy[1], by_dy[2], by_dy[3]);
-  h[0] = scale * dot4(blend(ex, by_y[0], by_y[1], by_y[2], by_y[3]), wz);
-  h[1] = scale * dot4(blend(wx, by_ey[0], by_ey[1], by_ey[2], by_ey[3]), wz);
-  h[2] = scale * dot4(f, ez);
-  h[3] = scale * dot4(blend(dx, by_dy[0], by_dy[1], by_dy[2], by_dy[3]), wz);
-  h[4] = scale * dot4(fx, dz);
-  h[5] = scale * dot4(fy, dz);
+  h[0] = scale * dot4(across(ex, by_y), wz);
+  h[1] = scale * dot4(across(wx, by_ey), wz);
+  h[2] = scale * dot4(across(wx, by_y), ez);
+  h[3] = scale * dot4(across(dx, by_dy), wz);
+  h[4] = scale * dot4(across(dx, by_y), dz);
+  h[5] = scale * dot4(across(wx, by_dy), dz);
 }
 #else
 // Values at the corners of the cell, z pairs, and the six differences the gradient and the mixed derivatives need.
-FieldValue field_sample(FIELD_PARAMS, vec3v p) {
+INLINE FieldValue field_sample(FIELD_PARAMS, vec3v p) {
   const GridCell cell = grid_cell(FIELD_ARGS, p);
   if (!cell.tap) return (FieldValue){cell.value, {0.0f, 0.0f, 0.0f}};
   global const float* corner = cell.tap + (TAPS + 1) * TAPS + 1;
@@ -134,7 +131,7 @@ FieldValue field_sample(FIELD_PARAMS, vec3v p) {
 }
 
 // Linear along each axis: only the mixed derivatives are not zero.
-void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
+INLINE void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
   for (int k = 0; k < 6; ++k) h[k] = 0.0f;
   const GridCell cell = grid_cell(FIELD_ARGS, p);
   if (!cell.tap) return;

@@ -2,6 +2,9 @@
 // loads and stores of packed float triples that guard the tail.
 #pragma OPENCL FP_CONTRACT OFF
 
+// PoCL calls what it is not told to inline, and passes structs through memory.
+#define INLINE static inline __attribute__((always_inline))
+
 #ifndef VW
 #define VW 1
 #endif
@@ -40,16 +43,16 @@ typedef struct {
   vfloat x, y, z;
 } vec3v;
 
-vfloat dot3(vec3v a, vec3v b) {
+INLINE vfloat dot3(vec3v a, vec3v b) {
   return MUL_ADD(a.z, b.z, MUL_ADD(a.y, b.y, a.x * b.x));
 }
 
-vint is_finite(vec3v p) {
+INLINE vint is_finite(vec3v p) {
   return isfinite(p.x) && isfinite(p.y) && isfinite(p.z);
 }
 
 #if VW == 16
-vec3v unpack(float16 a, float16 b, float16 c) {
+INLINE vec3v unpack(float16 a, float16 b, float16 c) {
   vec3v p;
   p.x = (float16)(a.s0369, a.scf, b.s258b, b.se, c.s147a, c.sd);
   p.y = (float16)(a.s147a, a.sd, b.s0369, b.scf, c.s258b, c.se);
@@ -57,7 +60,7 @@ vec3v unpack(float16 a, float16 b, float16 c) {
   return p;
 }
 
-void store_packed(vec3v p, float* to) {
+INLINE void store_packed(vec3v p, float* to) {
   const float16 x = p.x, y = p.y, z = p.z;
   vstore16((float16)(x.s0, y.s0, z.s0, x.s1, y.s1, z.s1, x.s2, y.s2, z.s2, x.s3, y.s3, z.s3, x.s4, y.s4, z.s4, x.s5), 0,
            to);
@@ -68,7 +71,7 @@ void store_packed(vec3v p, float* to) {
 }
 
 // Points first .. first + VW - 1 of a packed array; lanes behind the end repeat the last point.
-vec3v load_points(global const float* from, uint first, uint count) {
+INLINE vec3v load_points(global const float* from, uint first, uint count) {
   const uint at = 3 * first;
   if (first + VW <= count) return unpack(vload16(0, from + at), vload16(1, from + at), vload16(2, from + at));
   float lane[3 * VW];
@@ -77,7 +80,7 @@ vec3v load_points(global const float* from, uint first, uint count) {
   return unpack(vload16(0, lane), vload16(1, lane), vload16(2, lane));
 }
 
-void store_points(vec3v p, global float* to, uint first, uint count) {
+INLINE void store_points(vec3v p, global float* to, uint first, uint count) {
   float lane[3 * VW];
   store_packed(p, lane);
   const uint at = 3 * first;
@@ -90,7 +93,7 @@ void store_points(vec3v p, global float* to, uint first, uint count) {
   }
 }
 
-void store_values(vfloat v, global float* to, uint first, uint count) {
+INLINE void store_values(vfloat v, global float* to, uint first, uint count) {
   if (first + VW <= count) {
     vstore16(v, 0, to + first);
   } else {
@@ -100,33 +103,33 @@ void store_values(vfloat v, global float* to, uint first, uint count) {
   }
 }
 
-void store_flags(vint v, global uchar* to, uint first, uint count) {
+INLINE void store_flags(vint v, global uchar* to, uint first, uint count) {
   uchar lane[VW];
   vstore16(convert_uchar16(v), 0, lane);
   for (uint i = 0; i < min((uint)VW, count - first); ++i) to[first + i] = lane[i];
 }
 
-int least(int16 v) {
+INLINE int least(int16 v) {
   const int8 a = min(v.lo, v.hi);
   const int4 b = min(a.lo, a.hi);
   const int2 c = min(b.lo, b.hi);
   return min(c.lo, c.hi);
 }
 #else
-vec3v load_points(global const float* from, uint first, uint count) {
+INLINE vec3v load_points(global const float* from, uint first, uint count) {
   const float3 p = vload3(first, from);
   return (vec3v){p.x, p.y, p.z};
 }
-void store_points(vec3v p, global float* to, uint first, uint count) {
+INLINE void store_points(vec3v p, global float* to, uint first, uint count) {
   vstore3((float3)(p.x, p.y, p.z), first, to);
 }
-void store_values(vfloat v, global float* to, uint first, uint count) {
+INLINE void store_values(vfloat v, global float* to, uint first, uint count) {
   to[first] = v;
 }
-void store_flags(vint v, global uchar* to, uint first, uint count) {
+INLINE void store_flags(vint v, global uchar* to, uint first, uint count) {
   to[first] = (uchar)v;
 }
-int least(int v) {
+INLINE int least(int v) {
   return v;
 }
 #endif
@@ -137,14 +140,14 @@ typedef struct {
   float low[3];
 } Origin;
 
-vec3v to_local(vec3v p, Origin o) {
+INLINE vec3v to_local(vec3v p, Origin o) {
   p.x = (p.x - o.high[0]) - o.low[0];
   p.y = (p.y - o.high[1]) - o.low[1];
   p.z = (p.z - o.high[2]) - o.low[2];
   return p;
 }
 
-vec3v to_world(vec3v p, Origin o) {
+INLINE vec3v to_world(vec3v p, Origin o) {
   p.x = (p.x + o.low[0]) + o.high[0];
   p.y = (p.y + o.low[1]) + o.high[1];
   p.z = (p.z + o.low[2]) + o.high[2];

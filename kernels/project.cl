@@ -9,11 +9,11 @@ typedef struct {
 
 enum { STEPPING, BRACKETED, DONE, FAILED };
 
-vec3v pick(vec3v a, vec3v b, vint mask) {
+INLINE vec3v pick(vec3v a, vec3v b, vint mask) {
   return (vec3v){select(a.x, b.x, mask), select(a.y, b.y, mask), select(a.z, b.z, mask)};
 }
 
-vfloat distance3(vec3v a, vec3v b) {
+INLINE vfloat distance3(vec3v a, vec3v b) {
   const vec3v d = {b.x - a.x, b.y - a.y, b.z - a.z};
   return sqrt(dot3(d, d));
 }
@@ -23,7 +23,7 @@ typedef struct {
   vint state;   // DONE or FAILED
 } Projected;
 
-Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const ProjectParams o) {
+INLINE Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const ProjectParams o) {
   // a: the last point with a sample (one end of the bracket), b: the bracket's other end, now: to be sampled.
   vec3v a = start, b = start, now = start;
   vfloat a_value = 0.0f, b_value = 0.0f;

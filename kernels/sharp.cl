@@ -1,6 +1,6 @@
 // The pull toward sharp features (core/mechanics/relax.h, pull_to_sharp_features): a plane for each triangle through
 // its projected centroid, then an area-weighted mean over the triangles about each vertex.
-vec3v load_corner(global const float* positions, global const uint* vertex, uint first, uint count, int k) {
+INLINE vec3v load_corner(global const float* positions, global const uint* vertex, uint first, uint count, int k) {
 #if VW == 16
   float x[VW], y[VW], z[VW];
   for (uint i = 0; i < VW; ++i) {
@@ -16,7 +16,7 @@ vec3v load_corner(global const float* positions, global const uint* vertex, uint
 #endif
 }
 
-vec3v difference(vec3v a, vec3v b) {
+INLINE vec3v difference(vec3v a, vec3v b) {
   return (vec3v){a.x - b.x, a.y - b.y, a.z - b.z};
 }
 

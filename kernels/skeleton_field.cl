@@ -42,7 +42,7 @@ typedef struct {  // a potential and its derivatives by s = d^2, times the weigh
   vfloat value, first, second;
 } Profile;
 
-Profile profile(const SkeletonElement e, vfloat s) {
+INLINE Profile profile(const SkeletonElement e, vfloat s) {
   const vfloat q = s * e.over_radius2;
   Profile f;
   switch (e.potential) {
@@ -89,12 +89,12 @@ Profile profile(const SkeletonElement e, vfloat s) {
 }
 
 #ifdef GENERAL_NORM
-vfloat diagonal_power(vfloat x, vfloat over_d, float norm) {
+INLINE vfloat diagonal_power(vfloat x, vfloat over_d, float norm) {
   return powr(fmax(fabs(x) * over_d, LEAST_SHARE), (vfloat)(norm - 2.0f));
 }
 
 // d of the p-norm, 0 at 0.
-vfloat norm_of(vec3v x, float norm) {
+INLINE vfloat norm_of(vec3v x, float norm) {
   const vfloat most = fmax(fabs(x.x), fmax(fabs(x.y), fabs(x.z)));
   const vfloat scale = 1.0f / fmax(most, FLT_MIN);
   const vfloat p = (vfloat)(norm);
@@ -102,7 +102,7 @@ vfloat norm_of(vec3v x, float norm) {
   return most * powr(fmax(sum, 1.0f), (vfloat)(1.0f / norm));
 }
 
-vec3v across(vec3v g, vec3v slide) {
+INLINE vec3v across(vec3v g, vec3v slide) {
   const vfloat along = dot3(g, slide);
   g.x -= along * slide.x;
   g.y -= along * slide.y;
@@ -110,7 +110,8 @@ vec3v across(vec3v g, vec3v slide) {
   return g;
 }
 
-void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint wanted, int with_hessian, SkeletonSum* sum) {
+INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint wanted, int with_hessian,
+                        SkeletonSum* sum) {
   const vfloat d = norm_of(x, e.norm);
   const vfloat over_d = 1.0f / fmax(d, FLT_MIN);
   const Profile f = profile(e, d * d);
@@ -154,7 +155,7 @@ void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint wanted, int
 }
 #endif
 
-void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_hessian, SkeletonSum* sum) {
+INLINE void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_hessian, SkeletonSum* sum) {
   vec3v x = {p.x - e.a[0], p.y - e.a[1], p.z - e.a[2]};
   vfloat inside = 0.0f;  // 1 where the nearest point is within the segment
   if (e.over_length2 > 0.0f) {
@@ -192,7 +193,7 @@ void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_hessian
 }
 
 // Index of the list of each lane's cell; INT_MAX outside the grid.
-vint cell_of(FIELD_PARAMS, vec3v p) {
+INLINE vint cell_of(FIELD_PARAMS, vec3v p) {
   const vfloat x = floor((p.x - field.low[0]) * field.over_cell);
   const vfloat y = floor((p.y - field.low[1]) * field.over_cell);
   const vfloat z = floor((p.z - field.low[2]) * field.over_cell);
@@ -206,7 +207,7 @@ vint cell_of(FIELD_PARAMS, vec3v p) {
 }
 
 // Every lane adds the elements of its own lists in their order, whatever its neighbours are.
-SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
+INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
   vint cells = cell_of(FIELD_ARGS, p);
   vint wanted = ALL_LANES;
@@ -222,13 +223,13 @@ SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   }
 }
 
-FieldValue field_sample(FIELD_PARAMS, vec3v p) {
+INLINE FieldValue field_sample(FIELD_PARAMS, vec3v p) {
   const SkeletonSum sum = sum_elements(FIELD_ARGS, p, 0);
   return (FieldValue){sum.value, sum.g};
 }
 
 // xx yy zz xy xz yz
-void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
+INLINE void field_hessian(FIELD_PARAMS, vec3v p, vfloat* h) {
   const SkeletonSum sum = sum_elements(FIELD_ARGS, p, 1);
   h[0] = sum.xx;
   h[1] = sum.yy;
