@@ -60,14 +60,19 @@ INLINE vec3v unpack(float16 a, float16 b, float16 c) {
   return p;
 }
 
-INLINE void store_packed(vec3v p, float* to) {
+typedef struct {
+  float16 a, b, c;
+} Packed;
+
+INLINE Packed pack(vec3v p) {
   const float16 x = p.x, y = p.y, z = p.z;
-  vstore16((float16)(x.s0, y.s0, z.s0, x.s1, y.s1, z.s1, x.s2, y.s2, z.s2, x.s3, y.s3, z.s3, x.s4, y.s4, z.s4, x.s5), 0,
-           to);
-  vstore16((float16)(y.s5, z.s5, x.s6, y.s6, z.s6, x.s7, y.s7, z.s7, x.s8, y.s8, z.s8, x.s9, y.s9, z.s9, x.sa, y.sa), 1,
-           to);
-  vstore16((float16)(z.sa, x.sb, y.sb, z.sb, x.sc, y.sc, z.sc, x.sd, y.sd, z.sd, x.se, y.se, z.se, x.sf, y.sf, z.sf), 2,
-           to);
+  const float16 a =
+      (float16)(x.s0, y.s0, z.s0, x.s1, y.s1, z.s1, x.s2, y.s2, z.s2, x.s3, y.s3, z.s3, x.s4, y.s4, z.s4, x.s5);
+  const float16 b =
+      (float16)(y.s5, z.s5, x.s6, y.s6, z.s6, x.s7, y.s7, z.s7, x.s8, y.s8, z.s8, x.s9, y.s9, z.s9, x.sa, y.sa);
+  const float16 c =
+      (float16)(z.sa, x.sb, y.sb, z.sb, x.sc, y.sc, z.sc, x.sd, y.sd, z.sd, x.se, y.se, z.se, x.sf, y.sf, z.sf);
+  return (Packed){a, b, c};
 }
 
 // Points first .. first + VW - 1 of a packed array; lanes behind the end repeat the last point.
@@ -81,16 +86,19 @@ INLINE vec3v load_points(global const float* from, uint first, uint count) {
 }
 
 INLINE void store_points(vec3v p, global float* to, uint first, uint count) {
-  float lane[3 * VW];
-  store_packed(p, lane);
+  const Packed packed = pack(p);
   const uint at = 3 * first;
   if (first + VW <= count) {
-    vstore16(vload16(0, lane), 0, to + at);
-    vstore16(vload16(1, lane), 1, to + at);
-    vstore16(vload16(2, lane), 2, to + at);
-  } else {
-    for (uint i = 0; i < 3 * (count - first); ++i) to[at + i] = lane[i];
+    vstore16(packed.a, 0, to + at);
+    vstore16(packed.b, 1, to + at);
+    vstore16(packed.c, 2, to + at);
+    return;
   }
+  float lane[3 * VW];
+  vstore16(packed.a, 0, lane);
+  vstore16(packed.b, 1, lane);
+  vstore16(packed.c, 2, lane);
+  for (uint i = 0; i < 3 * (count - first); ++i) to[at + i] = lane[i];
 }
 
 INLINE void store_values(vfloat v, global float* to, uint first, uint count) {
@@ -104,9 +112,14 @@ INLINE void store_values(vfloat v, global float* to, uint first, uint count) {
 }
 
 INLINE void store_flags(vint v, global uchar* to, uint first, uint count) {
+  const uchar16 flags = convert_uchar16(v);
+  if (first + VW <= count) {
+    vstore16(flags, 0, to + first);
+    return;
+  }
   uchar lane[VW];
-  vstore16(convert_uchar16(v), 0, lane);
-  for (uint i = 0; i < min((uint)VW, count - first); ++i) to[first + i] = lane[i];
+  vstore16(flags, 0, lane);
+  for (uint i = 0; i < count - first; ++i) to[first + i] = lane[i];
 }
 
 INLINE int least(int16 v) {

@@ -3,19 +3,19 @@
 enum { INVERSE_SQUARE, CAUCHY, METABALL, BLINN, WYVILL };
 
 #define SINGULARITY 1e-6f  // inverse square is constant nearer than this share of the radius
+#define FAR 1e18f          // its square is still a float
 #define LEAST_SHARE 1e-6f  // of |x_i| / d in the derivatives of a p-norm
 
 typedef struct {
   float a[3];
-  float radius2;
+  float unused;
   float ab[3];
   float over_length2;  // 1 / |ab|^2, 0 for a point
   float over_radius2;
-  float weight;
-  float radius;
+  float scale[3];  // of the potential's value, twice its first and four times its second derivative by d^2
   float norm;
   int potential;
-  int unused[3];
+  int more_unused[2];
 } SkeletonElement;
 
 typedef struct {
@@ -38,8 +38,8 @@ typedef struct {
   vfloat xx, yy, zz, xy, xz, yz;
 } SkeletonSum;
 
-typedef struct {  // a potential and its derivatives by s = d^2, times the weight
-  vfloat value, first, second;
+typedef struct {  // of a potential by s = d^2: value, 2 first and 4 second derivative
+  vfloat value, slope, bend;
 } Profile;
 
 INLINE Profile profile(const SkeletonElement e, vfloat s) {
@@ -51,40 +51,38 @@ INLINE Profile profile(const SkeletonElement e, vfloat s) {
       const vfloat over_s = 1.0f / s;
       const vint near = q < SINGULARITY * SINGULARITY;
       f.value = select(over_q, (vfloat)(1.0f / (SINGULARITY * SINGULARITY)), near);
-      f.first = select(-over_q * over_s, (vfloat)(0.0f), near);
-      f.second = select(2.0f * over_q * over_s * over_s, (vfloat)(0.0f), near);
+      f.slope = select(over_q * over_s, (vfloat)(0.0f), near);
+      f.bend = select(over_q * over_s * over_s, (vfloat)(0.0f), near);
       break;
     }
     case CAUCHY: {
-      const vfloat c = 1.0f / (1.0f + s);
-      f.value = e.radius * c;
-      f.first = -f.value * c;
-      f.second = -2.0f * f.first * c;
+      f.value = 1.0f / (1.0f + s);
+      f.slope = f.value * f.value;
+      f.bend = f.slope * f.value;
       break;
     }
     case METABALL: {
-      const vfloat c = fmax(1.0f - q, 0.0f);
-      f.value = c * c * c;
-      f.first = -3.0f * e.over_radius2 * c * c;
-      f.second = 6.0f * e.over_radius2 * e.over_radius2 * c;
+      f.bend = fmax(1.0f - q, 0.0f);
+      f.slope = f.bend * f.bend;
+      f.value = f.slope * f.bend;
       break;
     }
     case BLINN: {
       f.value = exp(-q);
-      f.first = -e.over_radius2 * f.value;
-      f.second = -e.over_radius2 * f.first;
+      f.slope = f.value;
+      f.bend = f.value;
       break;
     }
     default: {  // WYVILL
       const vint far = q >= 1.0f;
       f.value = select(1.0f + q * (-22.0f + q * (17.0f - 4.0f * q)) * (1.0f / 9.0f), (vfloat)(0.0f), far);
-      f.first = select((-22.0f + q * (34.0f - 12.0f * q)) * (e.over_radius2 / 9.0f), (vfloat)(0.0f), far);
-      f.second = select((34.0f - 24.0f * q) * (e.over_radius2 * e.over_radius2 / 9.0f), (vfloat)(0.0f), far);
+      f.slope = select(-22.0f + q * (34.0f - 12.0f * q), (vfloat)(0.0f), far);
+      f.bend = select(34.0f - 24.0f * q, (vfloat)(0.0f), far);
     }
   }
-  f.value *= e.weight;
-  f.first *= e.weight;
-  f.second *= e.weight;
+  f.value *= e.scale[0];
+  f.slope *= e.scale[1];
+  f.bend *= e.scale[2];
   return f;
 }
 
@@ -110,8 +108,7 @@ INLINE vec3v across(vec3v g, vec3v slide) {
   return g;
 }
 
-INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint wanted, int with_hessian,
-                        SkeletonSum* sum) {
+INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, int with_hessian, SkeletonSum* sum) {
   const vfloat d = norm_of(x, e.norm);
   const vfloat over_d = 1.0f / fmax(d, FLT_MIN);
   const Profile f = profile(e, d * d);
@@ -121,18 +118,18 @@ INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint want
   v.x = select(copysign(rx * fmax(fabs(x.x) * over_d, LEAST_SHARE), x.x), (vfloat)(0.0f), x.x == 0.0f);
   v.y = select(copysign(ry * fmax(fabs(x.y) * over_d, LEAST_SHARE), x.y), (vfloat)(0.0f), x.y == 0.0f);
   v.z = select(copysign(rz * fmax(fabs(x.z) * over_d, LEAST_SHARE), x.z), (vfloat)(0.0f), x.z == 0.0f);
-  const vint live = wanted && (d > 0.0f);
-  const vfloat slope = select((vfloat)(0.0f), 2.0f * f.first * d, live);
+  const vint live = d > 0.0f;
+  const vfloat slope = select((vfloat)(0.0f), f.slope * d, live);
   vec3v g = {slope * v.x, slope * v.y, slope * v.z};
   g = across(g, slide);
-  sum->value += select((vfloat)(0.0f), f.value, wanted);
+  sum->value += f.value;
   sum->g.x += g.x;
   sum->g.y += g.y;
   sum->g.z += g.z;
   if (!with_hessian) return;
-  const vfloat outer = 4.0f * f.second * d * d + 2.0f * f.first * (2.0f - e.norm);
-  const vfloat bend = 2.0f * f.first * (e.norm - 1.0f);
-  const vint steep = live && (f.first != 0.0f || f.second != 0.0f);
+  const vfloat outer = f.bend * d * d + f.slope * (2.0f - e.norm);
+  const vfloat bend = f.slope * (e.norm - 1.0f);
+  const vint steep = live && (f.slope != 0.0f || f.bend != 0.0f);
   // keep h keep with keep = I - slide slide^T: rows first, then columns.
   vec3v row_x = {outer * v.x * v.x + bend * rx, outer * v.x * v.y, outer * v.x * v.z};
   vec3v row_y = {outer * v.y * v.x, outer * v.y * v.y + bend * ry, outer * v.y * v.z};
@@ -155,7 +152,7 @@ INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, vint want
 }
 #endif
 
-INLINE void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_hessian, SkeletonSum* sum) {
+INLINE void add_element(const SkeletonElement e, vec3v p, int with_hessian, SkeletonSum* sum) {
   vec3v x = {p.x - e.a[0], p.y - e.a[1], p.z - e.a[2]};
   vfloat inside = 0.0f;  // 1 where the nearest point is within the segment
   if (e.over_length2 > 0.0f) {
@@ -170,26 +167,24 @@ INLINE void add_element(const SkeletonElement e, vec3v p, vint wanted, int with_
   if (e.norm != 2.0f) {
     const float unit = sqrt(e.over_length2);
     const vec3v slide = {inside * (e.ab[0] * unit), inside * (e.ab[1] * unit), inside * (e.ab[2] * unit)};
-    add_general(e, x, slide, wanted, with_hessian, sum);
+    add_general(e, x, slide, with_hessian, sum);
     return;
   }
 #endif
   const Profile f = profile(e, dot3(x, x));
-  const vfloat slope = select((vfloat)(0.0f), 2.0f * f.first, wanted);
-  sum->value += select((vfloat)(0.0f), f.value, wanted);
-  sum->g.x = MUL_ADD(slope, x.x, sum->g.x);
-  sum->g.y = MUL_ADD(slope, x.y, sum->g.y);
-  sum->g.z = MUL_ADD(slope, x.z, sum->g.z);
+  sum->value += f.value;
+  sum->g.x = MUL_ADD(f.slope, x.x, sum->g.x);
+  sum->g.y = MUL_ADD(f.slope, x.y, sum->g.y);
+  sum->g.z = MUL_ADD(f.slope, x.z, sum->g.z);
   if (!with_hessian) return;
   // 4 f'' x x^T + 2 f' (I - slide slide^T): x is normal to the segment already.
-  const vfloat outer = select((vfloat)(0.0f), 4.0f * f.second, wanted);
-  const vfloat slid = slope * inside * e.over_length2;
-  sum->xx += outer * x.x * x.x + slope - slid * e.ab[0] * e.ab[0];
-  sum->yy += outer * x.y * x.y + slope - slid * e.ab[1] * e.ab[1];
-  sum->zz += outer * x.z * x.z + slope - slid * e.ab[2] * e.ab[2];
-  sum->xy += outer * x.x * x.y - slid * e.ab[0] * e.ab[1];
-  sum->xz += outer * x.x * x.z - slid * e.ab[0] * e.ab[2];
-  sum->yz += outer * x.y * x.z - slid * e.ab[1] * e.ab[2];
+  const vfloat slid = f.slope * inside * e.over_length2;
+  sum->xx += f.bend * x.x * x.x + f.slope - slid * e.ab[0] * e.ab[0];
+  sum->yy += f.bend * x.y * x.y + f.slope - slid * e.ab[1] * e.ab[1];
+  sum->zz += f.bend * x.z * x.z + f.slope - slid * e.ab[2] * e.ab[2];
+  sum->xy += f.bend * x.x * x.y - slid * e.ab[0] * e.ab[1];
+  sum->xz += f.bend * x.x * x.z - slid * e.ab[0] * e.ab[2];
+  sum->yz += f.bend * x.y * x.z - slid * e.ab[1] * e.ab[2];
 }
 
 // Index of the list of each lane's cell; INT_MAX outside the grid.
@@ -206,18 +201,22 @@ INLINE vint cell_of(FIELD_PARAMS, vec3v p) {
   return select((vint)(INT_MAX), (i * field.size[1] + j) * field.size[2] + k, within);
 }
 
-// Every lane adds the elements of its own lists in their order, whatever its neighbours are.
+// Every lane adds the elements of its own lists in their order, whatever its neighbours are: while the list of one cell
+// is added, lanes of other cells stand where no compact element reaches.
 INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
   vint cells = cell_of(FIELD_ARGS, p);
-  vint wanted = ALL_LANES;
+  vec3v here = p;
   uint at = 0, end = field.always;
   for (;;) {
-    for (; at < end; ++at) add_element(field_elements[field_list[at]], p, wanted, with_hessian, &sum);
+    for (; at < end; ++at) add_element(field_elements[field_list[at]], here, with_hessian, &sum);
     const int cell = least(cells);
     if (cell == INT_MAX) return sum;
-    wanted = cells == cell;
-    cells = select(cells, (vint)(INT_MAX), wanted);
+    const vint mine = cells == cell;
+    here.x = select((vfloat)(FAR), p.x, mine);
+    here.y = select((vfloat)(FAR), p.y, mine);
+    here.z = select((vfloat)(FAR), p.z, mine);
+    cells = select(cells, (vint)(INT_MAX), mine);
     at = field_first[cell];
     end = field_first[cell + 1];
   }

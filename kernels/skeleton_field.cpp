@@ -17,15 +17,14 @@ constexpr double kRoundingSlack = 1e-3;  // of a cell: a point may be put in the
 
 struct SkeletonElementData {  // SkeletonElement in skeleton_field.cl
   float a[3];
-  float radius2;
+  float unused;
   float ab[3];
   float over_length2;
   float over_radius2;
-  float weight;
-  float radius;
+  float scale[3];
   float norm;
   cl_int potential;
-  cl_int unused[3];
+  cl_int more_unused[2];
 };
 static_assert(sizeof(SkeletonElementData) == 64);
 
@@ -55,6 +54,25 @@ double distance_to_segment(const DVec3& p, const SkeletonElement& e) {
   return glm::length(p - (e.a + t * ab));
 }
 
+/// Factors that profile() in skeleton_field.cl leaves out of the value, twice the first and four times the second
+/// derivative by d^2.
+DVec3 profile_scale(const SkeletonElement& e) {
+  const double by_r2 = 1.0 / (e.radius * e.radius);
+  switch (e.potential) {
+    case Potential::inverse_square:
+      return {1.0, -2.0, 8.0};
+    case Potential::cauchy:
+      return e.radius * DVec3(1.0, -2.0, 8.0);
+    case Potential::metaball:
+      return {1.0, -6.0 * by_r2, 24.0 * by_r2 * by_r2};
+    case Potential::blinn:
+      return {1.0, -2.0 * by_r2, 4.0 * by_r2 * by_r2};
+    case Potential::wyvill:
+      return {1.0, 2.0 / 9.0 * by_r2, 4.0 / 9.0 * by_r2 * by_r2};
+  }
+  return DVec3(0.0);
+}
+
 SkeletonElementData pack(const SkeletonElement& e, const DVec3& origin) {
   const DVec3 a = e.a - origin, ab = e.b - e.a;
   const double length2 = glm::dot(ab, ab);
@@ -63,10 +81,9 @@ SkeletonElementData pack(const SkeletonElement& e, const DVec3& origin) {
   for (int i = 0; i < 3; ++i) data.a[i] = static_cast<float>(a[i]);
   for (int i = 0; i < 3; ++i) data.ab[i] = static_cast<float>(ab[i]);
   data.over_length2 = std::isfinite(over_length2) ? over_length2 : 0.0f;
-  data.radius2 = static_cast<float>(e.radius * e.radius);
   data.over_radius2 = static_cast<float>(1.0 / (e.radius * e.radius));
-  data.weight = static_cast<float>(e.weight);
-  data.radius = static_cast<float>(e.radius);
+  const DVec3 scale = e.weight * profile_scale(e);
+  for (int i = 0; i < 3; ++i) data.scale[i] = static_cast<float>(scale[i]);
   data.norm = static_cast<float>(e.norm);
   data.potential = static_cast<cl_int>(e.potential);
   return data;

@@ -75,7 +75,7 @@ struct HostSkin {
     stiffness = float(0.25 * kSqrt3 * 1000.0 / (1.0 - 0.09));
   }
 
-  ISOSKIN_WIDEST void product_of(std::size_t begin, std::size_t end) {
+  void product_of(std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
       const Index* v = &mesh.vertex[3 * t];
       const Vec3 d0 = p[v[0]], d1 = p[v[1]] - d0, d2 = p[v[2]] - d0;
@@ -102,7 +102,7 @@ struct HostSkin {
     tbb::parallel_for(std::size_t{0}, partial.size(), body);
   }
 
-  ISOSKIN_WIDEST float gather_share(std::size_t begin, std::size_t end) {
+  float gather_share(std::size_t begin, std::size_t end) {
     float sum = 0;
     for (std::size_t v = begin; v < end; ++v) {
       Vec3 a(0);
@@ -115,7 +115,7 @@ struct HostSkin {
     return sum;
   }
 
-  ISOSKIN_WIDEST static float advance_share(float* x, float* r, const float* p, const float* q, float alpha) {
+  static float advance_share(float* x, float* r, const float* p, const float* q, float alpha) {
     float lane[16] = {};
     for (std::size_t i = 0; i < 3 * kShare; i += 16)
       for (std::size_t k = 0; k < 16; ++k) {
@@ -128,7 +128,7 @@ struct HostSkin {
     return sum;
   }
 
-  ISOSKIN_WIDEST static void turn_share(float* p, const float* r, float beta) {
+  static void turn_share(float* p, const float* r, float beta) {
     for (std::size_t i = 0; i < 3 * kShare; ++i) p[i] = r[i] + beta * p[i];
   }
 

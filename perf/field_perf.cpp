@@ -41,8 +41,8 @@ struct Ball {
 };
 
 /// The loop the kernel runs, over 16 points at once.
-ISOSKIN_WIDEST void metaballs(const Ball* balls, std::size_t count, float iso, const Vec3* points, float* values,
-                              Vec3* gradients, std::size_t begin, std::size_t end) {
+void metaballs(const Ball* balls, std::size_t count, float iso, const Vec3* points, float* values, Vec3* gradients,
+               std::size_t begin, std::size_t end) {
   for (std::size_t first = begin; first < end; first += kLanes) {
     Lanes x, y, z;
     for (int i = 0; i < kLanes; ++i) x[i] = points[first + i].x, y[i] = points[first + i].y, z[i] = points[first + i].z;
@@ -141,8 +141,8 @@ inline float sum4(Four v) {
   return (v[0] + v[1]) + (v[2] + v[3]);
 }
 
-ISOSKIN_WIDEST void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
-                             std::size_t end) {
+void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
+              std::size_t end) {
   const float over_h = float(1.0 / g.h);
   for (std::size_t i = begin; i < end; ++i) {
     Vec3 t;
@@ -166,8 +166,8 @@ ISOSKIN_WIDEST void tricubic(const BrickGrid& g, const Vec3* points, float* valu
   }
 }
 
-ISOSKIN_WIDEST void trilinear(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
-                              std::size_t end) {
+void trilinear(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
+               std::size_t end) {
   const float over_h = float(1.0 / g.h);
   for (std::size_t i = begin; i < end; ++i) {
     Vec3 t;

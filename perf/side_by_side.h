@@ -53,10 +53,3 @@ void side_by_side(benchmark::State& state, const KernelBody& kernel, const CppBo
 }
 
 }  // namespace isoskin::perf
-
-// One body for each of these; the loader picks the widest the machine has.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define ISOSKIN_WIDEST __attribute__((target_clones("arch=skylake-avx512", "arch=haswell", "default")))
-#else
-#define ISOSKIN_WIDEST
-#endif
