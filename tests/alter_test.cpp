@@ -180,7 +180,7 @@ TEST(Alter, BytesDoNotDependOnThreads) {
   for (Index v = 0; v < mesh.vertex_count(); ++v) mesh.vertices.id[v] = v;
   mesh.next_id = Index(mesh.vertex_count());
   jitter(mesh, 0.01f, 5);
-  for (const float edge : {0.015f, 0.03f, 0.1f}) {
+  for (const float edge : {0.025f, 0.05f, 0.15f}) {
     const auto run = [&](std::size_t threads) {
       tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       TriangleMesh out = mesh;
