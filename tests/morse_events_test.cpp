@@ -8,6 +8,7 @@
 
 #include "core/field/skeleton_field.h"
 #include "core/mechanics/alter.h"
+#include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/events.h"
@@ -99,14 +100,15 @@ class Skin {
 public:
   explicit Skin(std::shared_ptr<const SkeletonField> field) : backend_(make_reference_backend()) {
     alter_.edge_length = relax_.edge_length = float(kEdge);
-    alter_.respect_locks = false;
     project_.tolerance = float(1e-4 * kEdge);
     project_.max_step = float(0.5 * kEdge);
-    options_.complete_elements = 0;  // concentric balls have whole spheres of critical points, which take it long
+    options_.complete_elements = 0;  // concentric balls have whole spheres of critical points, which take long
     backend_->set_field(field);
     const BrickLattice lattice = sample_lattice(*field, *backend_, kSpacing);
     mesh_ = marching_cubes(lattice, lattice_topology(lattice));
-    for (int round = 0; round < 4; ++round) settle();
+    alter_.respect_locks = false;
+    for (int round = 0; round < 6; ++round) settle();
+    alter_.respect_locks = true;
   }
 
   /// The same skin turned and moved, about to be followed from `field`.
@@ -125,6 +127,7 @@ public:
   EventReport advance(std::shared_ptr<const SkeletonField> field) {
     backend_->set_field(field);
     const EventReport report = handle_critical_events(mesh_, state_, field, *backend_, options_);
+    for (Index& age : mesh_.vertices.age) ++age;
     backend_->project(mesh_.vertices.position, project_, {});
     for (int round = 0; round < 2; ++round) settle();
     return report;
@@ -139,7 +142,12 @@ private:
     backend_->set_mesh(mesh_);
     backend_->relax(relax_, project_);
     const auto positions = backend_->positions();
+    const std::vector<Vec3> before = mesh_.vertices.position;
     mesh_.vertices.position.assign(positions.begin(), positions.end());
+    for (const Index v : small_piece_vertices(mesh_)) {
+      mesh_.vertices.position[v] = before[v];
+      backend_->project(std::span(&mesh_.vertices.position[v], 1), project_, {});
+    }
   }
 
   std::unique_ptr<Backend> backend_;
@@ -209,7 +217,8 @@ TEST_P(MorseEvents, are_followed_in_every_rotation_at_every_speed) {
       EXPECT_EQ(events, std::vector<std::string>{rising ? scene.rising : scene.falling});
     }
   }
-  printf("%s: inverted %d, far %d of %d vertices\n", rising ? scene.rising : scene.falling, inverted, far, vertices);
+  EXPECT_EQ(far, 0);
+  EXPECT_LE(1000 * inverted, vertices);  // necks thinner than an edge fold a little
 }
 
 INSTANTIATE_TEST_SUITE_P(Tier1, MorseEvents, testing::Range(0, 8), [](const auto& which) {

@@ -5,6 +5,7 @@
 
 #include "core/mesh/edit.h"
 #include "core/mesh/independent_edits.h"
+#include "core/mesh/small_pieces.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -150,7 +151,7 @@ public:
 
   /// Where to put the merged vertex: the middle, else one of the ends; negative when every place does harm.
   float plan(Index h) const {
-    if (!link_condition(mesh_, h)) return -1.0f;
+    if (!link_condition(mesh_, h) || is_small_piece(mesh_, h)) return -1.0f;
     for (const float t : {0.5f, 0.0f, 1.0f})
       if (harmless(h, t)) return t;
     return -1.0f;

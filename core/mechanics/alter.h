@@ -29,10 +29,10 @@ struct AlterReport {
 /// the result does not depend on the number of threads. Vertices touched (made, moved, or of a flipped edge's quad) get
 /// age 0. Keeps a closed, oriented 2-manifold; refuses a collapse that breaks the link condition, turns a triangle too
 /// far or makes an edge too long, and the split of an inverted triangle's edge (`inverted`: one byte a triangle, may be
-/// empty). A collapse goes to the middle, or to an end where the middle does harm.
-/// A flip must lower  sum over triangles (cot A + cot B + cot C) / sqrt 3  +  0.3 sum over vertices (valence - 6)^2.
-/// The first sum alone is least for Delaunay triangulations (Rippa 1990); valence is what limits the angles relaxation
-/// can reach. One sum that only falls cannot oscillate.
+/// empty), and to make a piece smaller than an octahedron (core/mesh/small_pieces.h). A collapse goes to the middle, or
+/// to an end where the middle does harm. A flip must lower  sum over triangles (cot A + cot B + cot C) / sqrt 3  +  0.3
+/// sum over vertices (valence - 6)^2. The first sum alone is least for Delaunay triangulations (Rippa 1990); valence is
+/// what limits the angles relaxation can reach. One sum that only falls cannot oscillate.
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {});
 
 }  // namespace isoskin

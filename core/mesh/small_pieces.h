@@ -1,0 +1,19 @@
+// Pieces so small that they are kept as they are: neither coarsened nor relaxed, only projected. Elements that are
+// pressed to half their size on a sphere fold over, and a tetrahedron turns itself inside out.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+inline constexpr int kSmallPiece = 8;  // triangles: an octahedron
+
+/// True when the connected piece of halfedge h has at most kSmallPiece triangles.
+bool is_small_piece(const TriangleMesh& mesh, Index h);
+
+/// The vertices of all small pieces, ascending. Parallel.
+std::vector<Index> small_piece_vertices(const TriangleMesh& mesh);
+
+}  // namespace isoskin
