@@ -197,3 +197,34 @@ TEST(BrickLattice, AnOpenSurfaceIsRefused) {
   Host host;
   EXPECT_THROW(host.sample(std::make_shared<analytic::PlaneField>(DVec3(0, 0, 1)), 0.1), InputError);
 }
+
+TEST(BrickLattice, CrosswiseFacesAreJoinedWhereTheFieldIsInside) {
+  Host host;
+  const auto field = make_grid(Interpolation::cubic, 9);
+  const BrickLattice lattice = host.sample(field, field->grid()->h);
+  for (std::size_t i = 1; i < lattice.face.size(); ++i) EXPECT_LT(lattice.face[i - 1].key, lattice.face[i].key);
+  EXPECT_GT(lattice.face.size(), 0u);
+  // every crosswise face of every brick is listed, once
+  std::map<IVec3, float, LessCorner> value;
+  for (std::size_t b = 0; b < lattice.brick_count(); ++b)
+    for (int i = 0; i < BrickLattice::kValues; ++i)
+      value[lattice.coordinate[b] * 8 + local_corner(i)] = lattice.value[b * BrickLattice::kValues + i];
+  std::size_t found = 0;
+  for (const auto& [corner, v] : value)
+    for (int axis = 0; axis < 3; ++axis) {
+      IVec3 e(0), f(0);
+      e[(axis + 1) % 3] = f[(axis + 2) % 3] = 1;
+      const auto q = value.find(corner + e), r = value.find(corner + f), s = value.find(corner + e + f);
+      if (q == value.end() || r == value.end() || s == value.end()) continue;
+      const bool crosswise =
+          (v > 0) == (s->second > 0) && (q->second > 0) == (r->second > 0) && (v > 0) != (q->second > 0);
+      if (!crosswise) continue;
+      ++found;
+      const BrickLattice::Face* face = lattice.find_face(corner, axis);
+      ASSERT_NE(face, nullptr);
+      const double p = v, a = q->second, b = r->second, c = s->second, bend = p - a - b + c;
+      const DVec3 at = DVec3(corner) + (p - b) / bend * DVec3(e) + (p - a) / bend * DVec3(f);
+      EXPECT_EQ(face->joined, field->value(lattice.origin + lattice.spacing * at) > 0.0);
+    }
+  EXPECT_EQ(found, lattice.face.size());
+}

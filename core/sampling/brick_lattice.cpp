@@ -33,4 +33,18 @@ Index BrickLattice::find(const IVec3& brick) const {
   return slot_[s];
 }
 
+std::uint64_t BrickLattice::face_key(const IVec3& corner, int axis) {
+  constexpr int kBits = 20, kOffset = 1 << (kBits - 1);
+  std::uint64_t key = 0;
+  for (int a = 0; a < 3; ++a) key = key << kBits | static_cast<std::uint64_t>(corner[a] + kOffset);
+  return key << 2 | static_cast<std::uint64_t>(axis);
+}
+
+const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis) const {
+  const std::uint64_t key = face_key(corner, axis);
+  const auto at =
+      std::lower_bound(face.begin(), face.end(), key, [](const Face& f, std::uint64_t k) { return f.key < k; });
+  return at != face.end() && at->key == key ? &*at : nullptr;
+}
+
 }  // namespace isoskin

@@ -22,10 +22,23 @@ struct BrickLattice {
   std::vector<IVec3> coordinate;  // sorted, z fastest; one a brick
   std::vector<float> value;       // kValues a brick, index (x * 9 + y) * 9 + z
 
+  /// A cell face whose corner signs lie crosswise, and whether its inside corners hang together. Sorted by key; faces
+  /// not listed are left to the asymptotic decider.
+  struct Face {
+    std::uint64_t key = 0;
+    bool joined = false;
+  };
+  std::vector<Face> face;
+
   std::size_t brick_count() const { return coordinate.size(); }
   /// Brick with this coordinate, or kNone.
   Index find(const IVec3& brick) const;
   void build_index();  // after `coordinate` is filled; find() needs it
+
+  /// Of the face across `axis` with this low corner; corners are within 2^20 of the origin on each axis.
+  static std::uint64_t face_key(const IVec3& corner, int axis);
+  /// The face's entry, or null.
+  const Face* find_face(const IVec3& corner, int axis) const;
 
   DVec3 point(const IVec3& corner) const { return origin + spacing * DVec3(corner); }
 
@@ -37,8 +50,9 @@ private:
 /// has all its four cells in bricks that are present, and F has one sign in each part of space that no brick covers. A
 /// corner is inside when its value is > 0. The lattice is anchored at the world's origin, that of a grid field at voxel
 /// (0,0,0), so it contains the voxel centres when spacing is h / n. Grids at h, h/2, h/4 and h/8 are evaluated on the
-/// host, brick by brick; everything else through the backend, whose field must be `field`. Throws InputError when more
-/// than `max_bricks` bricks would be needed (an absurd spacing) or the surface runs out of the field's bounds.
+/// host, brick by brick; everything else through the backend, whose field must be `field`. Ambiguous faces are resolved
+/// by F at their saddle. Throws InputError when more than `max_bricks` bricks would be needed (an absurd spacing) or
+/// the surface runs out of the field's bounds.
 BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks = 8u << 20);
 
 }  // namespace isoskin

@@ -148,6 +148,12 @@ const Table& table() {
   return all;
 }
 
+unsigned signs_of(const std::array<float, 8>& v) {
+  unsigned signs = 0;
+  for (int c = 0; c < 8; ++c) signs |= static_cast<unsigned>(v[c] > 0) << c;
+  return signs;
+}
+
 bool positive_joined(const Face& f, const std::array<float, 8>& v) {
   const double even = static_cast<double>(v[f.corner[0]]) * v[f.corner[2]];
   const double odd = static_cast<double>(v[f.corner[1]]) * v[f.corner[3]];
@@ -164,14 +170,17 @@ CellEdge cell_edge(int edge) {
   return e;
 }
 
-std::uint16_t find_shape(const std::array<float, 8>& v) {
-  unsigned signs = 0;
-  for (int c = 0; c < 8; ++c) signs |= static_cast<unsigned>(v[c] > 0) << c;
+unsigned ambiguous_faces(const std::array<float, 8>& v) {
+  return table().ambiguous[signs_of(v)];
+}
+
+std::uint16_t find_shape(const std::array<float, 8>& v, unsigned decided, unsigned joined) {
+  const unsigned signs = signs_of(v);
   const Table& t = table();
   unsigned index = t.first[signs], bit = 1;
   for (int f = 0; f < 6; ++f) {
     if (!(t.ambiguous[signs] >> f & 1)) continue;
-    if (positive_joined(faces()[f], v)) index += bit;
+    if (decided >> f & 1 ? joined >> f & 1 : positive_joined(faces()[f], v)) index += bit;
     bit *= 2;
   }
   return static_cast<std::uint16_t>(index);

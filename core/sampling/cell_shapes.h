@@ -33,7 +33,11 @@ struct CellShape {
 /// The shape for corner values v[8]: signs (inside iff > 0) and, on faces with two crossing diagonals, the asymptotic
 /// decider (the positive corners are joined iff their product exceeds that of the others). Returns an index for
 /// shape().
-std::uint16_t find_shape(const std::array<float, 8>& v);
+/// `decided`: bit 2 * axis + side of faces known otherwise; `joined`: of those, the ones whose positive corners are
+/// joined.
+std::uint16_t find_shape(const std::array<float, 8>& v, unsigned decided = 0, unsigned joined = 0);
+/// Bits 2 * axis + side of the faces with two crossing diagonals.
+unsigned ambiguous_faces(const std::array<float, 8>& v);
 const CellShape& shape(std::uint16_t index);
 
 }  // namespace isoskin

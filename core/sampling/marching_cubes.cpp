@@ -11,6 +11,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
 
 namespace isoskin {
@@ -24,27 +25,6 @@ constexpr double kNearestToCorner = 0.02;  // of an edge: keeps triangles from d
 int corner_index(const IVec3& c) {
   return (c.x * kCorners + c.y) * kCorners + c.z;
 }
-
-/// Signs of a brick's corners, nine bits a row along z.
-struct Signs {
-  std::array<std::uint16_t, kCorners * kCorners> row;
-
-  explicit Signs(const float* value) {
-    for (int r = 0; r < kCorners * kCorners; ++r) {
-      unsigned bits = 0;
-      for (int z = 0; z < kCorners; ++z) bits |= static_cast<unsigned>(value[r * kCorners + z] > 0) << z;
-      row[r] = static_cast<std::uint16_t>(bits);
-    }
-  }
-  unsigned at(int x, int y) const { return row[x * kCorners + y]; }
-
-  /// Bit z set where cell (x, y, z) has corners of both signs.
-  unsigned surface_cells(int x, int y) const {
-    const unsigned all = at(x, y) & at(x + 1, y) & at(x, y + 1) & at(x + 1, y + 1);
-    const unsigned any = at(x, y) | at(x + 1, y) | at(x, y + 1) | at(x + 1, y + 1);
-    return (any | any >> 1) & ~(all & all >> 1) & 0xffu;
-  }
-};
 
 template <class F>
 void for_bricks(std::size_t count, const F& f) {
@@ -69,7 +49,7 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
     for (int i = 0; i < 8; ++i)
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
-    const Signs signs(&lattice.value[b * kValues]);
+    const BrickSigns signs(&lattice.value[b * kValues]);
     BrickCrossings& c = t.crossings[b];
     Index cells = 0;
     for (int x = 0; x < kCells; ++x)
@@ -95,11 +75,24 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   t.crossing_piece.assign(crossings, kNone);
 }
 
+std::uint16_t find_shape_in(const BrickLattice& lattice, const IVec3& cell, const std::array<float, 8>& v) {
+  unsigned decided = 0, joined = 0;
+  for (unsigned faces = lattice.face.empty() ? 0 : ambiguous_faces(v); faces; faces &= faces - 1) {
+    const int face = std::countr_zero(faces);
+    IVec3 corner = cell;
+    corner[face / 2] += face % 2;
+    const BrickLattice::Face* known = lattice.find_face(corner, face / 2);
+    if (known) decided |= 1u << face;
+    if (known && known->joined) joined |= 1u << face;
+  }
+  return find_shape(v, decided, joined);
+}
+
 void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
   for_bricks(lattice.brick_count(), [&](std::size_t b) {
     if (t.first_cell[b] == t.first_cell[b + 1]) return;
     const float* value = &lattice.value[b * kValues];
-    const Signs signs(value);
+    const BrickSigns signs(value);
     Index at = t.first_cell[b];
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)
@@ -108,7 +101,7 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
           std::array<float, 8> v;
           for (int c = 0; c < 8; ++c) v[c] = value[corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
           t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
-          t.shape[at] = find_shape(v);
+          t.shape[at] = find_shape_in(lattice, lattice.coordinate[b] * kCells + IVec3(x, y, z), v);
           t.first_patch[at] = shape(t.shape[at]).loops;
           ++at;
         }

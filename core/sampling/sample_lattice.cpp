@@ -10,6 +10,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/grid_lattice.h"
 
 namespace isoskin {
@@ -231,11 +232,13 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
     std::vector<Index> all(parts > 0 ? lattice.brick_count() : 0);
     for (std::size_t b = 0; b < all.size(); ++b) all[b] = static_cast<Index>(b);
     const std::vector<IVec3> more = missing_neighbours(lattice, parts > 0 ? all : fresh);
-    if (more.empty()) return lattice;
+    if (more.empty()) break;
     check_count(lattice.brick_count() + more.size(), max_bricks, spacing);
     if (round == kMostRounds) throw InputError("the surface runs out of the field's bounds; expected a closed surface");
     fresh = insert(lattice, more);
   }
+  resolve_ambiguous_faces(lattice, field);
+  return lattice;
 }
 
 }  // namespace isoskin
