@@ -11,20 +11,24 @@
 #include "core/mechanics/alter.h"
 #include "core/refine/refine.h"
 #include "core/topology/repair.h"
+#include "core/topology/reskin.h"
 
 namespace isoskin {
 
 struct TrackOptions {
-  double edge_length = 0.0;      // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
-  double lattice_spacing = 0.0;  // s of the certificate; 0: half a voxel, or e / 2
-  double tolerance = 0.0;        // lattice corners farther than this from the surface must be on the right side; 0: one voxel, or e / 2
-  int rounds = 2;                // alter + relax rounds of a frame
-  bool validate = false;         // check the manifold after every frame (always on in debug builds)
-  AlterOptions alter;            // edge_length and dt are filled in by resolved() and advance()
-  RelaxOptions relax;            // edge_length is filled in
-  ProjectOptions project;        // tolerance and max_step are filled in: 1e-4 e and e / 2
-  SettleOptions settle;          // how a freshly extracted surface becomes near-equilateral
-  RefineOptions refine;          // alpha_r and N_p of the geometric mesh
+  double edge_length = 0.0;        // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
+  double lattice_spacing = 0.0;    // s of the certificate; 0: half a voxel, or e / 2
+  double tolerance = 0.0;          // corners farther than this must be on the right side; 0: one voxel, or e / 2
+  int rounds = 2;                  // alter + relax rounds of a frame
+  bool validate = false;           // check the manifold after every frame (always on in debug builds)
+  AlterOptions alter;              // edge_length and dt are filled in by resolved() and advance()
+  RelaxOptions relax;              // edge_length is filled in
+  ProjectOptions project;          // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;            // how a freshly extracted surface becomes near-equilateral
+  ReskinOptions reskin;            // local repair; edge_length is filled in
+  int reskin_collapse_passes = 3;  // alter() calls after a local repair, before its first relaxation
+  int reskin_rounds = 2;           // alter + relax rounds after them
+  RefineOptions refine;            // alpha_r and N_p of the geometric mesh
 };
 
 /// Fills in every length that is 0 from the first frame's field. Throws InputError for a NaN, negative or absurd edge
@@ -50,10 +54,10 @@ struct FrameReport {
   double survived = 1.0;                       // share of the last frame's vertices whose ids are still there
   std::array<double, 3> reextracted{0, 0, 0};  // share of the area by tier 1, 2, 3
   std::size_t events = 0, repairs = 0;
-  bool certified = false;              // at the end of the frame
-  std::string certificate;             // one line, of the mesh before repairs
+  bool certified = false;   // at the end of the frame
+  std::string certificate;  // one line, of the mesh before repairs
   ShapeStatistics mechanical, geometric;
-  std::size_t inverted = 0, quasi_critical = 0;  // mechanical triangles and vertices at the end of the frame
+  std::size_t inverted = 0, quasi_critical = 0;    // mechanical triangles and vertices at the end of the frame
   std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order
 };
 
@@ -63,12 +67,13 @@ public:
   /// `options` must be resolved().
   Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options);
 
-  /// Advances to the next frame; the first one extracts the surface. Throws std::logic_error when options.validate finds
-  /// a fault (a bug of isoskin).
+  /// Advances to the next frame; the first one extracts the surface. Throws std::logic_error when options.validate
+  /// finds a fault (a bug of isoskin).
   FrameReport advance(const FieldFrame& frame);
 
-  /// Goes on from the mechanical mesh of the frame before (--resume): all state a frame hands to the next is in it.
-  void resume(TriangleMesh mechanical, double time);
+  /// Goes on from the mechanical mesh of the frame before and that frame's field (--resume): all state a frame hands to
+  /// the next is in them.
+  void resume(TriangleMesh mechanical, const FieldFrame& last);
 
   const TriangleMesh& mechanical() const { return mesh_; }
   const std::vector<Vec3>& mechanical_normals() const { return normals_; }
@@ -77,14 +82,29 @@ public:
   const TrackOptions& options() const { return options_; }
 
 private:
+  /// What a frame's mesh is judged by.
+  struct Evidence {
+    BrickLattice lattice;
+    LatticeTopology topology;
+    MeshPieces pieces;
+    Certificate certificate;
+  };
+
   void predict(const FieldFrame& frame);
   void relax(FrameReport& report);
+  RelaxReport relax_once();
   void handle_events(const FieldFrame& frame, FrameReport& report);
+  void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  void reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report);
+  void settle_new_skin();
+  void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
+  double share_of_area(double part) const;
   void refine();
 
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;
-  double time_ = 0.0;    // of the last frame
+  std::shared_ptr<const Field> last_field_;
+  double time_ = 0.0;  // of the last frame
   bool started_ = false;
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;

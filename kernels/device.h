@@ -65,9 +65,8 @@ struct NoBuffer {};
 
 class Device {
 public:
-  /// Throws InputError as promised by make_opencl_backend(). `like_gpu`: treats a CPU as a GPU (copies instead of
-  /// maps, one point a work item), to test that path where there is none.
-  explicit Device(const OpenClOptions& options, bool like_gpu = false);
+  /// Throws InputError as promised by make_opencl_backend().
+  explicit Device(const OpenClOptions& options);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;

@@ -1,0 +1,294 @@
+#include "core/tracker.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
+
+#include "core/mesh/validate.h"
+#include "core/topology/bad_sites.h"
+#include "core/trace.h"
+
+namespace isoskin {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Times the steps of a frame into its report and, when on, into the trace.
+class Step {
+public:
+  Step(FrameReport& report, const char* name) : report_(report), span_(name), name_(name), begin_(Clock::now()) {}
+  ~Step() {
+    const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin_).count();
+    const auto same =
+        std::find_if(report_.ms.begin(), report_.ms.end(), [&](const auto& e) { return e.first == name_; });
+    if (same != report_.ms.end())
+      same->second += ms;
+    else
+      report_.ms.emplace_back(name_, ms);
+  }
+
+private:
+  FrameReport& report_;
+  Span span_;
+  const char* name_;
+  Clock::time_point begin_;
+};
+
+std::vector<Index> sorted_ids(const TriangleMesh& mesh) {
+  std::vector<Index> ids = mesh.vertices.id;
+  tbb::parallel_sort(ids);
+  return ids;
+}
+
+double share_surviving(const std::vector<Index>& before, const std::vector<Index>& after) {
+  std::vector<Index> both;
+  std::set_intersection(before.begin(), before.end(), after.begin(), after.end(), std::back_inserter(both));
+  return before.empty() ? 1.0 : double(both.size()) / double(before.size());
+}
+
+template <class Function>
+void for_each_vertex(const TriangleMesh& mesh, Function&& function) {
+  tbb::parallel_for(tbb::blocked_range<Index>(0, Index(mesh.vertex_count()), 2048), [&](const auto& range) {
+    for (Index v = range.begin(); v != range.end(); ++v) function(v);
+  });
+}
+
+std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
+  std::vector<Box> boxes(pieces.count());
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (pieces.of_vertex[v] != kNone) boxes[pieces.of_vertex[v]].add(DVec3(mesh.position(v)));
+  return boxes;
+}
+
+std::vector<std::size_t> sizes_of(const MeshPieces& pieces) {
+  std::vector<std::size_t> sizes(pieces.count(), 0);
+  for (const Index piece : pieces.of_vertex)
+    if (piece != kNone) ++sizes[piece];
+  return sizes;
+}
+
+/// A line for every piece that failed: removed mesh pieces with their own fault, and lattice pieces without a mesh.
+std::vector<LedgerEntry> ledger_of(const FieldFrame& frame, const TriangleMesh& mesh, const MeshPieces& pieces,
+                                   const Certificate& certificate, const LatticeTopology& topology, double ms) {
+  std::vector<LedgerEntry> entries;
+  const std::vector<Box> boxes = boxes_of(mesh, pieces);
+  const std::vector<std::size_t> sizes = sizes_of(pieces);
+  for (std::size_t p = 0; p < certificate.mesh_piece.size(); ++p)
+    if (certificate.mesh_piece[p] != Fault::none)
+      entries.push_back({frame.frame, frame.time, name(certificate.mesh_piece[p]), 3, boxes[p].center(), sizes[p], ms});
+  for (std::size_t p = 0; p < certificate.lattice_piece.size(); ++p)
+    if (certificate.lattice_piece[p] == Fault::missing)
+      entries.push_back({frame.frame, frame.time, name(Fault::missing), 3, topology.box[p].center(), 0, ms});
+  return entries;
+}
+
+}  // namespace
+
+TrackOptions resolved(TrackOptions options, const Field& first) {
+  constexpr double kVoxelsPerEdge = 1.5, kEdgesPerDiagonal = 60.0, kFinest = 0.01, kFinestShare = 1e-5;
+  const double diagonal = first.bounds().diagonal();
+  const double voxel = first.resolution();
+  double& e = options.edge_length;
+  if (e == 0.0) e = voxel > 0.0 ? kVoxelsPerEdge * voxel : diagonal / kEdgesPerDiagonal;
+  if (e == 0.0) e = 1.0;  // an empty scene: nothing to mesh yet, any length serves until there is
+  const double least = voxel > 0.0 ? kFinest * voxel : kFinestShare * diagonal;
+  if (!std::isfinite(e) || e <= 0.0 || e < least || (diagonal > 0.0 && e > diagonal))
+    throw InputError(fmt::format("edge length {}: expected a length between {:.4g} and {:.4g} (the surface's diagonal)",
+                                 e, least, diagonal));
+  if (options.lattice_spacing == 0.0) options.lattice_spacing = voxel > 0.0 ? 0.5 * voxel : 0.5 * e;
+  if (options.tolerance == 0.0) options.tolerance = voxel > 0.0 ? voxel : 0.5 * e;
+  options.alter.edge_length = options.relax.edge_length = float(e);
+  options.project.tolerance = float(1e-4 * e);
+  options.project.max_step = float(0.5 * e);
+  return options;
+}
+
+Tracker::Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options)
+    : backend_(std::move(backend)), options_(options) {
+#ifndef NDEBUG
+  options_.validate = true;
+#endif
+}
+
+void Tracker::resume(TriangleMesh mechanical, const FieldFrame& last) {
+  mesh_ = std::move(mechanical);
+  last_field_ = last.field;
+  time_ = last.time;
+  started_ = true;
+}
+
+FrameReport Tracker::advance(const FieldFrame& frame) {
+  FrameReport report;
+  report.frame = frame.frame;
+  report.time = frame.time;
+  const std::vector<Index> before = sorted_ids(mesh_);
+  {
+    Step step(report, "advance");
+    backend_->set_field(frame.field);
+  }
+  {
+    Step step(report, "predict");
+    predict(frame);
+  }
+  relax(report);
+  handle_events(frame, report);
+  {
+    Step step(report, "refine");
+    refine();
+  }
+  report.survived = share_surviving(before, sorted_ids(mesh_));
+  report.mechanical_triangles = mesh_.triangle_count();
+  report.geometric_triangles = geometric_.mesh.triangle_count();
+  report.mechanical = shape_statistics(mesh_);
+  report.geometric = shape_statistics(geometric_.mesh);
+  if (options_.validate)
+    for (const TriangleMesh* mesh : {&mesh_, &geometric_.mesh})
+      if (const ValidateReport valid = validate(*mesh); !valid)
+        throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
+  last_field_ = frame.field;
+  time_ = frame.time;
+  started_ = true;
+  return report;
+}
+
+void Tracker::predict(const FieldFrame& frame) {
+  VertexTable& vertices = mesh_.vertices;
+  const double dt = started_ ? frame.time - time_ : 0.0;
+  const std::vector<Vec3> old = vertices.position;
+  for_each_vertex(mesh_, [&](Index v) {
+    ++vertices.age[v];
+    if (frame.velocity) vertices.position[v] += Vec3(dt * frame.velocity->velocity(DVec3(old[v])));
+  });
+  const std::vector<Vec3> advected = vertices.position;
+  backend_->project(vertices.position, options_.project, {});
+  // A failed vertex has no motion of its own that could be trusted; what it had would only mislead the edits.
+  for_each_vertex(mesh_, [&](Index v) {
+    const bool moved = dt > 0.0 && vertices.position[v] != advected[v];
+    vertices.velocity[v] = moved ? (vertices.position[v] - old[v]) / float(dt) : Vec3(0.0f);
+    if (frame.velocity) vertices.velocity[v] = Vec3(frame.velocity->velocity(DVec3(vertices.position[v])));
+  });
+  options_.alter.dt = float(dt);
+}
+
+void Tracker::relax(FrameReport& report) {
+  std::vector<std::uint8_t> inverted;
+  for (int round = 0; round < options_.rounds; ++round) {
+    {
+      Step step(report, "alter");
+      alter(mesh_, options_.alter, inverted);
+    }
+    Step step(report, "relax");
+    report.quasi_critical = relax_once().quasi_critical;
+    inverted.resize(mesh_.triangle_count());
+    backend_->inverted_triangles(inverted);
+  }
+  report.inverted = std::size_t(std::count(inverted.begin(), inverted.end(), 1));
+}
+
+RelaxReport Tracker::relax_once() {
+  backend_->set_mesh(mesh_);
+  const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
+  const auto positions = backend_->positions();
+  mesh_.vertices.position.assign(positions.begin(), positions.end());
+  return relaxed;
+}
+
+void Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
+  ledger_.clear();
+  Evidence evidence;
+  {
+    Step step(report, "certify");
+    evidence.lattice = sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
+    evidence.topology = lattice_topology(evidence.lattice);
+  }
+  certify(frame, evidence, report);
+  report.certificate = evidence.certificate.summary();
+  if (started_ && !evidence.certificate.passed) {
+    reskin(frame, evidence, report);
+    certify(frame, evidence, report);
+  }
+  // e, then e / 2, then the extracted triangles as they are, which cannot fail.
+  for (const float coarsening : {1.0f, 0.5f, 0.0f}) {
+    if (evidence.certificate.passed) break;
+    reextract(frame, evidence, coarsening, report);
+    certify(frame, evidence, report);
+  }
+  report.certified = evidence.certificate.passed;
+  report.events = ledger_.size();
+  backend_->set_mesh(mesh_);
+  normals_.resize(mesh_.vertex_count());
+  backend_->vertex_normals(normals_);
+}
+
+void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
+  Step step(report, "certify");
+  CertifyOptions options;
+  options.tolerance = options_.tolerance;
+  evidence.pieces = mesh_pieces(mesh_);
+  evidence.certificate =
+      isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
+}
+
+void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report) {
+  Step step(report, "reskin");
+  const auto begin = Clock::now();
+  BadSiteOptions bad_options;
+  bad_options.tolerance = options_.tolerance;
+  const BadSites sites =
+      find_bad_sites(mesh_, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_, bad_options);
+  if (sites.point.empty()) return;
+  ReskinOptions reskin_options = options_.reskin;
+  reskin_options.edge_length = options_.edge_length;
+  const std::size_t before = mesh_.vertex_count();
+  const ReskinReport done =
+      isoskin::reskin(mesh_, sites, evidence.lattice, evidence.topology, *backend_, reskin_options);
+  if (done.triangles_added == 0 && done.triangles_removed == 0) return;
+  report.reextracted[1] += share_of_area(done.area);
+  report.repairs += 1;
+  settle_new_skin();
+  Box box;
+  for (const Vec3& p : sites.point) box.add(DVec3(p));
+  ledger_.push_back({frame.frame, frame.time, "reskin", 2, box.center(), before - done.first_new_vertex,
+                     std::chrono::duration<double, std::milli>(Clock::now() - begin).count()});
+}
+
+/// Coarsens and relaxes what reskin() left dense. Whole-mesh passes: the rest is near equilibrium and hardly moves.
+void Tracker::settle_new_skin() {
+  for (int pass = 0; pass < options_.reskin_collapse_passes; ++pass) alter(mesh_, options_.alter);
+  for (int round = 0; round < options_.reskin_rounds; ++round) {
+    alter(mesh_, options_.alter);
+    relax_once();
+  }
+}
+
+void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report) {
+  Step step(report, "reextract");
+  const auto begin = Clock::now();
+  SettleOptions settle = options_.settle;
+  settle.coarsening = coarsening;
+  const TriangleMesh failed = mesh_;
+  const RepairReport repaired =
+      isoskin::reextract(mesh_, evidence.pieces, evidence.certificate, evidence.lattice, evidence.topology, *backend_,
+                         options_.alter, options_.relax, options_.project, settle);
+  report.repairs += repaired.pieces_extracted;
+  report.reextracted[2] += share_of_area(repaired.area_reextracted);
+  const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+  if (started_)
+    for (LedgerEntry& entry : ledger_of(frame, failed, evidence.pieces, evidence.certificate, evidence.topology, ms))
+      ledger_.push_back(std::move(entry));
+}
+
+double Tracker::share_of_area(double part) const {
+  const double whole = shape_statistics(mesh_).area;
+  return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
+}
+
+void Tracker::refine() {
+  geometric_ = isoskin::refine(mesh_, *backend_, options_.refine, options_.project);
+}
+
+}  // namespace isoskin

@@ -1,0 +1,278 @@
+// Whole frames: equilibrium, jumps, long runs, topology changes, determinism and resumption.
+#include "core/tracker.h"
+
+#include <cstdio>
+#include <cstring>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "core/field/skeleton_field.h"
+#include "core/io/scene.h"
+#include "core/mesh/validate.h"
+#include "kernels/opencl_backend.h"
+#include "tests/analytic_fields.h"
+#include "tests/digital_topology.h"
+
+using namespace isoskin;
+using namespace isoskin::analytic;
+
+namespace {
+
+FieldFrame frame_of(std::shared_ptr<const Field> field, int frame = 1, double dt = 0.04) {
+  return {frame, frame * dt, std::move(field), nullptr};
+}
+
+Tracker reference_tracker(const Field& first, double edge_length = 0.0) {
+  TrackOptions options;
+  options.edge_length = edge_length;
+  options.validate = true;
+  return Tracker(make_reference_backend(), resolved(options, first));
+}
+
+std::unique_ptr<Tracker> opencl_tracker(const Field& first, double edge_length = 0.0) {
+  TrackOptions options;
+  options.edge_length = edge_length;
+  options.validate = true;
+  return std::make_unique<Tracker>(make_opencl_backend(), resolved(options, first));
+}
+
+double farthest_in_edges(const Tracker& tracker, const Field& field) {
+  double worst = 0.0;
+  for (const Vec3& p : tracker.mechanical().vertices.position)
+    worst = std::max(worst, field.distance_estimate(DVec3(p)));
+  return worst / tracker.options().edge_length;
+}
+
+std::string data(const char* file) {
+  return std::string(ISOSKIN_TEST_DATA) + "/" + file;
+}
+
+template <class T>
+bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+void expect_same_bytes(const TriangleMesh& a, const TriangleMesh& b) {
+  EXPECT_TRUE(same_bytes(a.vertex, b.vertex));
+  EXPECT_TRUE(same_bytes(a.twin, b.twin));
+  EXPECT_TRUE(same_bytes(a.vertices.position, b.vertices.position));
+  EXPECT_TRUE(same_bytes(a.vertices.rest, b.vertices.rest));
+  EXPECT_TRUE(same_bytes(a.vertices.velocity, b.vertices.velocity));
+  EXPECT_TRUE(same_bytes(a.vertices.id, b.vertices.id));
+  EXPECT_TRUE(same_bytes(a.vertices.age, b.vertices.age));
+  EXPECT_EQ(a.next_id, b.next_id);
+}
+
+/// Pieces, cavities and handles of a mesh, to compare with the digital oracle.
+DigitalTopology mesh_topology(const TriangleMesh& mesh) {
+  const MeshPieces pieces = mesh_pieces(mesh);
+  DigitalTopology topology;
+  int handles = 0;
+  for (std::size_t p = 0; p < pieces.count(); ++p) {
+    (pieces.volume[p] > 0.0 ? topology.components : topology.cavities) += 1;
+    handles += 1 - pieces.euler[p] / 2;
+  }
+  topology.euler = topology.components + topology.cavities - handles;
+  return topology;
+}
+
+struct NamedField {
+  const char* name;
+  std::shared_ptr<const Field> field;
+};
+
+std::vector<NamedField> equilibrium_fields() {
+  std::vector<SkeletonElement> chain;
+  for (int i = 0; i < 6; ++i) {
+    SkeletonElement ball;
+    ball.a = ball.b = DVec3(0.7 * i, 0.25 * std::sin(1.3 * i), 0.2 * std::cos(0.9 * i));
+    chain.push_back(ball);
+  }
+  return {{"sphere", std::make_shared<SphereField>(DVec3(0.1, 0.2, 0.3), 1.0)},
+          {"torus", std::make_shared<TorusField>(1.0, 0.4)},
+          {"metaball chain", std::make_shared<SkeletonField>(chain, 0.3)}};
+}
+
+}  // namespace
+
+TEST(Tracker, MarchingCubesReachesEquilibrium) {
+  for (const auto& [name, field] : equilibrium_fields()) {
+    Tracker tracker = reference_tracker(*field);
+    FrameReport report;
+    for (int frame = 1; frame <= 4; ++frame) report = tracker.advance(frame_of(field, frame));
+    std::printf(
+        "%-15s %6zu triangles, angles: mean %.1f, 1st percentile %.1f, least %.1f degrees; farthest vertex %.1e e\n",
+        name, report.mechanical_triangles, report.mechanical.mean_angle, report.mechanical.p1_angle,
+        report.mechanical.min_angle, farthest_in_edges(tracker, *field));
+    EXPECT_TRUE(report.certified) << name << ": " << report.certificate;
+    EXPECT_GE(report.mechanical.mean_angle, 52.0) << name;
+    EXPECT_GE(report.mechanical.min_angle, 20.0) << name;
+    EXPECT_LE(farthest_in_edges(tracker, *field), 1e-3) << name;
+    EXPECT_NEAR(report.mechanical.mean_edge / tracker.options().edge_length, 1.0, 0.15) << name;
+  }
+}
+
+TEST(Tracker, VerticesSurviveWhenTheFieldStands) {
+  const auto field = std::make_shared<TorusField>(1.0, 0.4);
+  Tracker tracker = reference_tracker(*field, 0.1);
+  FrameReport report;
+  for (int frame = 1; frame <= 6; ++frame) report = tracker.advance(frame_of(field, frame));
+  EXPECT_GT(report.survived, 0.999);
+  EXPECT_EQ(report.repairs, 0u);
+}
+
+TEST(Tracker, InvertedTrianglesAfterAJumpAreGoneWithinTwoFrames) {
+  // A bumpy ball that jumps by most of an edge sideways: projection alone folds triangles over at the bumps.
+  const auto bumpy = [](double shift) {
+    std::vector<SkeletonElement> elements;
+    for (int i = 0; i < 12; ++i) {
+      SkeletonElement ball;
+      const double a = 2.399963 * i, z = 1.0 - (2.0 * i + 1.0) / 12.0, r = std::sqrt(1.0 - z * z);
+      ball.a = ball.b = DVec3(shift + 0.75 * r * std::cos(a), 0.75 * r * std::sin(a), 0.75 * z);
+      ball.radius = 0.8;
+      elements.push_back(ball);
+    }
+    return std::make_shared<SkeletonField>(elements, 0.35);
+  };
+  const double e = 0.06;
+  Tracker tracker = reference_tracker(*bumpy(0.0), e);
+  tracker.advance(frame_of(bumpy(0.0), 1));
+
+  // How bad the jump is without mechanics: fold some triangles by hand as well, so that there is something to mend.
+  TriangleMesh folded = tracker.mechanical();
+  for (Index h = 0; h < folded.vertex.size(); h += 600) {
+    const Index v = folded.vertex[h];
+    const Vec3 across = folded.position(folded.to(h)) - folded.position(v);
+    folded.vertices.position[v] += 1.6f * across;
+  }
+  auto probe = make_reference_backend();
+  probe->set_field(bumpy(0.25 * e));
+  probe->set_mesh(folded);
+  probe->project_mesh(tracker.options().project);
+  std::vector<std::uint8_t> inverted(folded.triangle_count());
+  probe->inverted_triangles(inverted);
+  const auto before = std::count(inverted.begin(), inverted.end(), 1);
+  ASSERT_GT(before, 0);
+
+  tracker.resume(folded, frame_of(bumpy(0.0), 1));
+  FrameReport report = tracker.advance(frame_of(bumpy(0.25 * e), 2));
+  std::printf("inverted: %td after the jump, %zu after one frame", before, report.inverted);
+  report = tracker.advance(frame_of(bumpy(0.25 * e), 3));
+  std::printf(", %zu after two\n", report.inverted);
+  EXPECT_EQ(report.inverted, 0u);
+  EXPECT_EQ(report.repairs, 0u);
+}
+
+TEST(Tracker, TwoHundredFramesOfSevenMetaballs) {
+  const Scene scene = load_scene(data("metaballs7.toml"));
+  std::unique_ptr<Tracker> tracker;
+  double worst_p1 = 90.0;
+  for (int frame = scene.source->first_frame(); frame <= scene.source->last_frame(); ++frame) {
+    const FieldFrame moment = scene.source->load(frame);
+    if (!tracker) tracker = opencl_tracker(*moment.field);
+    const FrameReport report = tracker->advance(moment);
+    const ValidateReport valid = validate(tracker->mechanical());
+    ASSERT_TRUE(valid) << frame << ": " << valid.reason;
+    ASSERT_TRUE(report.certified) << frame << ": " << report.certificate;
+    if (frame > scene.source->first_frame()) {
+      EXPECT_EQ(report.repairs, 0u) << frame << ": " << report.certificate;
+    }
+    EXPECT_GE(report.mechanical.p1_angle, 30.0) << frame;
+    worst_p1 = std::min(worst_p1, report.mechanical.p1_angle);
+  }
+  EXPECT_GE(scene.source->last_frame() - scene.source->first_frame() + 1, 200);
+  std::printf("worst 1st-percentile angle %.1f degrees\n", worst_p1);
+}
+
+TEST(Tracker, TwoPointsMeetAndPartAsTheOracleSays) {
+  const Scene scene = load_scene(data("two_points.toml"));
+  std::unique_ptr<Tracker> tracker;
+  std::vector<int> components;
+  for (int frame = scene.source->first_frame(); frame <= scene.source->last_frame(); ++frame) {
+    const FieldFrame moment = scene.source->load(frame);
+    if (!tracker) tracker = opencl_tracker(*moment.field);
+    const FrameReport report = tracker->advance(moment);
+    EXPECT_TRUE(report.certified) << frame;
+    const Box box = moment.field->bounds();
+    const DigitalTopology oracle = digital_topology(*moment.field, box, box.diagonal() / 100.0);
+    const DigitalTopology mesh = mesh_topology(tracker->mechanical());
+    const DigitalTopology geometric = mesh_topology(tracker->geometric().mesh);
+    EXPECT_EQ(mesh.components, oracle.components) << frame;
+    EXPECT_EQ(mesh.cavities, oracle.cavities) << frame;
+    EXPECT_EQ(mesh.handles(), oracle.handles()) << frame;
+    EXPECT_EQ(geometric.handles(), oracle.handles()) << frame;
+    if (components.empty() || components.back() != mesh.components) components.push_back(mesh.components);
+  }
+  EXPECT_EQ(components, (std::vector<int>{2, 1, 2}));
+}
+
+TEST(Tracker, EveryFrameOfARealFluidIsCertified) {
+  const Scene scene = open_input(data("dam_break/dam_break.%04d.vdb"));
+  std::unique_ptr<Tracker> tracker;
+  const int first = scene.source->first_frame();
+  for (int frame = first; frame < first + 6; ++frame) {
+    const FieldFrame moment = scene.source->load(frame);
+    if (!tracker) tracker = opencl_tracker(*moment.field);
+    const FrameReport report = tracker->advance(moment);
+    EXPECT_TRUE(report.certified) << frame << ": " << report.certificate;
+  }
+}
+
+TEST(Tracker, SameBytesWhateverTheNumberOfThreads) {
+  const Scene scene = load_scene(data("two_points.toml"));
+  const auto run = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    std::unique_ptr<Tracker> tracker;
+    const Scene fresh = load_scene(data("two_points.toml"));
+    const int first = fresh.source->first_frame(), last = fresh.source->last_frame();
+    for (int frame = first; frame <= last; frame += std::max(1, (last - first) / 8)) {
+      const FieldFrame moment = fresh.source->load(frame);
+      if (!tracker) tracker = opencl_tracker(*moment.field);
+      tracker->advance(moment);
+    }
+    return std::pair{tracker->mechanical(), tracker->geometric().mesh};
+  };
+  const auto one = run(1), many = run(4);
+  expect_same_bytes(one.first, many.first);
+  expect_same_bytes(one.second, many.second);
+}
+
+TEST(Tracker, ResumingChangesNothing) {
+  const Scene scene = load_scene(data("two_points.toml"));
+  const int first = scene.source->first_frame();
+  std::vector<FieldFrame> frames;
+  for (int k = 0; k < 4; ++k) frames.push_back(scene.source->load(first + k));
+  auto whole = opencl_tracker(*frames[0].field);
+  for (const FieldFrame& frame : frames) whole->advance(frame);
+  auto begun = opencl_tracker(*frames[0].field);
+  begun->advance(frames[0]);
+  begun->advance(frames[1]);
+  auto resumed = opencl_tracker(*frames[0].field);
+  resumed->resume(begun->mechanical(), frames[1]);
+  resumed->advance(frames[2]);
+  resumed->advance(frames[3]);
+  expect_same_bytes(whole->mechanical(), resumed->mechanical());
+  expect_same_bytes(whole->geometric().mesh, resumed->geometric().mesh);
+}
+
+TEST(Tracker, SurfacesMayVanishAndReturn) {
+  const auto ball = std::make_shared<SphereField>(DVec3(0.0), 0.5);
+  const auto nothing = std::make_shared<SphereField>(DVec3(0.0), -1.0);
+  Tracker tracker = reference_tracker(*ball, 0.1);
+  EXPECT_GT(tracker.advance(frame_of(ball, 1)).mechanical_triangles, 0u);
+  EXPECT_EQ(tracker.advance(frame_of(nothing, 2)).mechanical_triangles, 0u);
+  EXPECT_TRUE(tracker.geometric().mesh.empty());
+  const FrameReport back = tracker.advance(frame_of(ball, 3));
+  EXPECT_GT(back.mechanical_triangles, 0u);
+  EXPECT_TRUE(back.certified);
+}
+
+TEST(Tracker, AbsurdEdgeLengthsAreRefused) {
+  const SphereField ball(DVec3(0.0), 1.0);
+  for (const double e : {-1.0, 1e-9, 100.0, std::nan(""), double(INFINITY)}) {
+    TrackOptions options;
+    options.edge_length = e;
+    EXPECT_THROW(resolved(options, ball), InputError) << e;
+  }
+}
