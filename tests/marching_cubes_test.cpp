@@ -1,6 +1,7 @@
 #include "core/sampling/marching_cubes.h"
 
 #include <cmath>
+#include <numeric>
 #include <random>
 #include <utility>
 
@@ -88,6 +89,43 @@ TEST(MarchingCubes, RandomValuesResolveAmbiguousFacesBySaddles) {
       if (!values.on_border(values.corner(i))) values.value[i] = value(random) + shift;
     SCOPED_TRACE(shift);
     expect_consistent(values, false);
+  }
+}
+
+TEST(MarchingCubes, TunnelsThroughCellsOfTwoLoops) {
+  std::mt19937 random(7);
+  std::normal_distribution<float> value;
+  for (int scene = 0; scene < 4; ++scene) {
+    Values values(2);
+    for (std::size_t i = 0; i < values.value.size(); ++i)
+      if (!values.on_border(values.corner(i))) values.value[i] = value(random) + 0.5f * float(scene) - 0.75f;
+    BrickLattice lattice = to_lattice(values, 0.25, DVec3(-1.0), IVec3(-2));
+    const LatticeTopology discs = lattice_topology(lattice);
+    std::size_t tunnels = 0;
+    for (Index b = 0; b < lattice.brick_count(); ++b)
+      for (Index at = discs.first_cell[b]; at < discs.first_cell[b + 1]; ++at) {
+        if (shape(discs.shape[at]).loops != 2) continue;
+        const int c = discs.cell[at];
+        lattice.tunnel.push_back(
+            BrickLattice::face_key(lattice.coordinate[b] * 8 + IVec3(c / 64, c / 8 % 8, c % 8), 3));
+        ++tunnels;
+      }
+    std::sort(lattice.tunnel.begin(), lattice.tunnel.end());
+    ASSERT_GT(tunnels, 20u);
+    const LatticeTopology topology = lattice_topology(lattice);
+    const TriangleMesh mesh = marching_cubes(lattice, topology);
+    const ValidateReport report = validate(mesh);
+    ASSERT_TRUE(report) << report.reason;
+    const MeshPieces pieces = mesh_pieces(mesh);
+    ASSERT_EQ(pieces.count(), topology.piece_count());
+    const auto sum = [](const std::vector<int>& euler) { return std::accumulate(euler.begin(), euler.end(), 0LL); };
+    EXPECT_EQ(sum(topology.euler), sum(discs.euler) - 2 * static_cast<long long>(tunnels));
+    std::vector<int> of_mesh = pieces.euler, of_lattice = topology.euler;
+    std::sort(of_mesh.begin(), of_mesh.end());
+    std::sort(of_lattice.begin(), of_lattice.end());
+    EXPECT_EQ(of_mesh, of_lattice);
+    EXPECT_NEAR(std::accumulate(pieces.volume.begin(), pieces.volume.end(), 0.0),
+                std::accumulate(topology.volume.begin(), topology.volume.end(), 0.0), 1e-4);
   }
 }
 

@@ -7,6 +7,8 @@
 #include <tbb/parallel_for.h>
 
 #include "core/sampling/brick_signs.h"
+#include "core/sampling/cell_shapes.h"
+#include "core/sampling/cell_surface.h"
 
 namespace isoskin {
 namespace {
@@ -45,6 +47,27 @@ DVec3 saddle(const BrickLattice& lattice, const Face& f) {
   return lattice.origin + lattice.spacing * at;
 }
 
+/// Does a tunnel lead through this cell of mixed signs?
+bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cell, const std::array<float, 8>& v) {
+  const CellShape& s = shape(find_shape(lattice, cell, v));
+  if (s.loops != 2) return false;
+  CellCrossings crossing;
+  for (int k = 0; k < s.first[2]; ++k) {
+    const CellEdge e = cell_edge(s.edge[k]);
+    const int low = e.low[0] | e.low[1] << 1 | e.low[2] << 2;
+    DVec3 at(e.low[0], e.low[1], e.low[2]);
+    at[e.axis] += crossing_fraction(v[low], v[low | 1 << e.axis]);
+    crossing[s.edge[k]] = at;
+  }
+  const std::optional<Neck> neck = find_neck(s, crossing);
+  if (!neck) return false;
+  for (const double t : {0.25, 0.5, 0.75}) {
+    const DVec3 at = DVec3(cell) + neck->from + t * (neck->to - neck->from);
+    if ((field.value(lattice.origin + lattice.spacing * at) > 0.0) != neck->outside) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field) {
@@ -61,6 +84,40 @@ void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field) {
   std::sort(lattice.face.begin(), lattice.face.end(), by_key);
   const auto same = [](const BrickLattice::Face& a, const BrickLattice::Face& b) { return a.key == b.key; };
   lattice.face.erase(std::unique(lattice.face.begin(), lattice.face.end(), same), lattice.face.end());
+}
+
+void resolve_tunnels(BrickLattice& lattice, const Field& field) {
+  std::vector<std::vector<std::uint64_t>> found(lattice.brick_count());
+  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
+    const float* value = &lattice.value[b * BrickLattice::kValues];
+    const BrickSigns signs(value);
+    for (int x = 0; x < kCells; ++x)
+      for (int y = 0; y < kCells; ++y)
+        for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
+          const IVec3 at(x, y, std::countr_zero(cells));
+          std::array<float, 8> v;
+          for (int c = 0; c < 8; ++c)
+            v[c] = value[((x + (c & 1)) * kCorners + y + (c >> 1 & 1)) * kCorners + at.z + (c >> 2)];
+          const IVec3 cell = lattice.coordinate[b] * kCells + at;
+          if (is_tunnel(lattice, field, cell, v)) found[b].push_back(BrickLattice::face_key(cell, 3));
+        }
+  });
+  lattice.tunnel.clear();
+  for (const auto& f : found) lattice.tunnel.insert(lattice.tunnel.end(), f.begin(), f.end());
+  std::sort(lattice.tunnel.begin(), lattice.tunnel.end());
+}
+
+std::uint16_t find_shape(const BrickLattice& lattice, const IVec3& cell, const std::array<float, 8>& v) {
+  unsigned decided = 0, joined = 0;
+  for (unsigned faces = lattice.face.empty() ? 0 : ambiguous_faces(v); faces; faces &= faces - 1) {
+    const int face = std::countr_zero(faces);
+    IVec3 corner = cell;
+    corner[face / 2] += face % 2;
+    const BrickLattice::Face* known = lattice.find_face(corner, face / 2);
+    if (known) decided |= 1u << face;
+    if (known && known->joined) joined |= 1u << face;
+  }
+  return find_shape(v, decided, joined);
 }
 
 }  // namespace isoskin

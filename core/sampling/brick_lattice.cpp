@@ -47,4 +47,8 @@ const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis)
   return at != face.end() && at->key == key ? &*at : nullptr;
 }
 
+bool BrickLattice::has_tunnel(const IVec3& cell) const {
+  return !tunnel.empty() && std::binary_search(tunnel.begin(), tunnel.end(), face_key(cell, 3));
+}
+
 }  // namespace isoskin

@@ -29,16 +29,20 @@ struct BrickLattice {
     bool joined = false;
   };
   std::vector<Face> face;
+  /// Cells whose two loops of crossings are joined by a tunnel, as face_key(cell, 3). Sorted.
+  std::vector<std::uint64_t> tunnel;
 
   std::size_t brick_count() const { return coordinate.size(); }
   /// Brick with this coordinate, or kNone.
   Index find(const IVec3& brick) const;
   void build_index();  // after `coordinate` is filled; find() needs it
 
-  /// Of the face across `axis` with this low corner; corners are within 2^20 of the origin on each axis.
+  /// Of the face across `axis` (of the cell, for axis 3) with this low corner; corners are within 2^20 of the origin on
+  /// each axis.
   static std::uint64_t face_key(const IVec3& corner, int axis);
   /// The face's entry, or null.
   const Face* find_face(const IVec3& corner, int axis) const;
+  bool has_tunnel(const IVec3& cell) const;
 
   DVec3 point(const IVec3& corner) const { return origin + spacing * DVec3(corner); }
 

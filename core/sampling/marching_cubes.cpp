@@ -11,8 +11,10 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
+#include "core/sampling/cell_surface.h"
 
 namespace isoskin {
 namespace {
@@ -20,7 +22,6 @@ namespace {
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
-constexpr double kNearestToCorner = 0.02;  // of an edge: keeps triangles from degenerating
 
 int corner_index(const IVec3& c) {
   return (c.x * kCorners + c.y) * kCorners + c.z;
@@ -70,22 +71,10 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   for (BrickCrossings& c : t.crossings) crossings += std::exchange(c.first, crossings);
   t.cell.resize(cells);
   t.shape.resize(cells);
+  t.tunnel.resize(cells);
   t.first_patch.assign(std::size_t{cells} + 1, 0);
   t.crossing_point.resize(crossings);
   t.crossing_piece.assign(crossings, kNone);
-}
-
-std::uint16_t find_shape_in(const BrickLattice& lattice, const IVec3& cell, const std::array<float, 8>& v) {
-  unsigned decided = 0, joined = 0;
-  for (unsigned faces = lattice.face.empty() ? 0 : ambiguous_faces(v); faces; faces &= faces - 1) {
-    const int face = std::countr_zero(faces);
-    IVec3 corner = cell;
-    corner[face / 2] += face % 2;
-    const BrickLattice::Face* known = lattice.find_face(corner, face / 2);
-    if (known) decided |= 1u << face;
-    if (known && known->joined) joined |= 1u << face;
-  }
-  return find_shape(v, decided, joined);
 }
 
 void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
@@ -101,7 +90,9 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
           std::array<float, 8> v;
           for (int c = 0; c < 8; ++c) v[c] = value[corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
           t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
-          t.shape[at] = find_shape_in(lattice, lattice.coordinate[b] * kCells + IVec3(x, y, z), v);
+          const IVec3 cell = lattice.coordinate[b] * kCells + IVec3(x, y, z);
+          t.shape[at] = find_shape(lattice, cell, v);
+          t.tunnel[at] = shape(t.shape[at]).loops == 2 && lattice.has_tunnel(cell);
           t.first_patch[at] = shape(t.shape[at]).loops;
           ++at;
         }
@@ -121,7 +112,7 @@ void place_crossings(const BrickLattice& lattice, LatticeTopology& t) {
         ++high[axis];
         const double p = value[corner_index(low)], q = value[corner_index(high)];
         DVec3 point(lattice.coordinate[b] * kCells + low);
-        point[axis] += std::clamp(p / (p - q), kNearestToCorner, 1.0 - kNearestToCorner);
+        point[axis] += crossing_fraction(p, q);
         t.crossing_point[at++] = Vec3(lattice.origin + lattice.spacing * point);
       }
   });
@@ -181,26 +172,24 @@ private:
   std::unique_ptr<std::atomic<Index>[]> parent_;
 };
 
-/// The centre of a loop, in float64.
-DVec3 loop_centre(const CellShape& s, int loop, const std::array<Index, 12>& crossing, const std::vector<Vec3>& point) {
-  DVec3 sum(0.0);
-  for (int k = s.first[loop]; k < s.first[loop + 1]; ++k) sum += DVec3(point[crossing[s.edge[k]]]);
-  return sum / static_cast<double>(s.size(loop));
+CellSurface surface_in_cell(const LatticeTopology& t, Index at, const std::array<Index, 12>& crossing) {
+  CellCrossings point;
+  for (int e = 0; e < 12; ++e)
+    if (crossing[e] != kNone) point[e] = DVec3(t.crossing_point[crossing[e]]);
+  return cell_surface(shape(t.shape[at]), t.tunnel[at], point);
 }
 
-/// Six times the signed volume between a loop's triangles and the point `apex`.
-double loop_volume(const CellShape& s, int loop, const std::array<Index, 12>& crossing, const std::vector<Vec3>& point,
-                   const DVec3& apex) {
-  const DVec3 centre = s.has_centre(loop) ? loop_centre(s, loop, crossing, point) - apex : DVec3(0.0);
-  double sum = 0.0;
-  for (int k = s.first_triangle[loop]; k < s.first_triangle[loop + 1]; ++k) {
-    const auto at = [&](int i) {
-      const std::uint8_t e = s.triangle[k][i];
-      return e == CellShape::kCentre ? centre : DVec3(point[crossing[e]]) - apex;
+/// Adds six times the signed volumes between the triangles of a cell's loops and the point `apex` to volume[loop].
+void add_volumes(const LatticeTopology& t, Index at, const std::array<Index, 12>& crossing, const DVec3& apex,
+                 double* volume) {
+  const CellSurface surface = surface_in_cell(t, at, crossing);
+  for (int k = 0; k < surface.triangles; ++k) {
+    const auto corner = [&](int i) {
+      const int c = surface.triangle[k][i];
+      return (c < 12 ? DVec3(t.crossing_point[crossing[c]]) : surface.extra[c - 12]) - apex;
     };
-    sum += glm::dot(at(0), glm::cross(at(1), at(2)));
+    volume[surface.loop_of_triangle[k]] += glm::dot(corner(0), glm::cross(corner(1), corner(2)));
   }
-  return sum;
 }
 
 void join_patches(const BrickLattice& lattice, LatticeTopology& t, std::vector<double>& volume_of_patch) {
@@ -215,8 +204,9 @@ void join_patches(const BrickLattice& lattice, LatticeTopology& t, std::vector<d
         const Index first = crossing[s.edge[s.first[l]]];
         for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) sets.join(first, crossing[s.edge[k]]);
         some_crossing[t.first_patch[at] + l] = first;
-        volume_of_patch[t.first_patch[at] + l] = loop_volume(s, l, crossing, t.crossing_point, apex);
       }
+      if (t.tunnel[at]) sets.join(crossing[s.edge[s.first[0]]], crossing[s.edge[s.first[1]]]);
+      add_volumes(t, at, crossing, apex, &volume_of_patch[t.first_patch[at]]);
     }
   });
   tbb::parallel_for(std::size_t{0}, t.crossing_piece.size(), [&](std::size_t c) {
@@ -242,6 +232,8 @@ void measure_pieces(LatticeTopology& t, const std::vector<double>& volume_of_pat
     ++t.euler[t.piece[p]];
     t.volume[t.piece[p]] += volume_of_patch[p];
   }
+  for (std::size_t at = 0; at < t.tunnel.size(); ++at)  // an annulus instead of two discs
+    if (t.tunnel[at]) t.euler[t.piece[t.first_patch[at]]] -= 2;
   for (std::size_t c = 0; c < t.crossing_piece.size(); ++c) {
     --t.euler[t.crossing_piece[c]];
     t.box[t.crossing_piece[c]].add(DVec3(t.crossing_point[c]));
@@ -268,8 +260,8 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
       const CellShape& s = shape(t.shape[at]);
       for (int l = 0; l < s.loops; ++l) {
         if (!is_wanted(b, t.first_patch[at] + l)) continue;
-        first_triangle[b] += s.first_triangle[l + 1] - s.first_triangle[l];
-        first_centre[b] += s.has_centre(l);
+        first_triangle[b] += static_cast<Index>(triangle_count(s, t.tunnel[at], l));
+        first_centre[b] += static_cast<Index>(extra_count(s, t.tunnel[at], l));
       }
     }
   });
@@ -291,17 +283,20 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
     std::size_t corner = std::size_t{first_triangle[b]} * 3;
     Index centre = crossings + first_centre[b];
     for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
       const std::array<Index, 12> crossing = cell_crossings(lattice, t, static_cast<Index>(b), at);
-      for (int l = 0; l < s.loops; ++l) {
-        const Index patch = t.first_patch[at] + l;
+      const CellSurface surface = surface_in_cell(t, at, crossing);
+      std::array<Index, 4> extra{};
+      for (int i = 0; i < surface.extras; ++i) {
+        const Index patch = t.first_patch[at] + surface.loop_of_extra[i];
         if (!is_wanted(b, patch)) continue;
-        for (int k = s.first_triangle[l]; k < s.first_triangle[l + 1]; ++k)
-          for (const std::uint8_t e : s.triangle[k])
-            out.triangle[corner++] = e == CellShape::kCentre ? centre : vertex[crossing[e]];
-        if (!s.has_centre(l)) continue;
-        out.position[centre] = Vec3(loop_centre(s, l, crossing, t.crossing_point));
+        extra[i] = centre;
+        out.position[centre] = Vec3(surface.extra[i]);
         out.piece[centre++] = t.piece[patch];
+      }
+      for (int k = 0; k < surface.triangles; ++k) {
+        if (!is_wanted(b, t.first_patch[at] + surface.loop_of_triangle[k])) continue;
+        for (const std::uint8_t c : surface.triangle[k])
+          out.triangle[corner++] = c < 12 ? vertex[crossing[c]] : extra[c - 12];
       }
     }
   });

@@ -26,6 +26,7 @@ struct LatticeTopology {
   std::vector<Index> first_cell;          // per brick: its surface cells, CSR; size bricks + 1
   std::vector<std::uint16_t> cell;        // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
   std::vector<std::uint16_t> shape;       // per surface cell, see cell_shapes.h
+  std::vector<std::uint8_t> tunnel;       // per surface cell: 1 when its two loops bound an annulus, not two discs
   std::vector<Index> first_patch;         // per surface cell, CSR; size cells + 1
   std::vector<Index> piece;               // per patch
   std::vector<BrickCrossings> crossings;  // per brick
@@ -46,10 +47,10 @@ struct LatticeTopology {
   Index crossing(Index brick, IVec3 corner, int axis) const;
 };
 
-/// Face ambiguities are resolved by the asymptotic decider, alike in both cells of a face, so loops close; pieces are
-/// numbered in order of their first patch. Crossing points by linear interpolation, kept at least 2% of an edge away
-/// from lattice corners. Parallel and deterministic. Throws std::invalid_argument when a brick is missing where the
-/// surface goes on.
+/// Face ambiguities are resolved by lattice.face, else by the asymptotic decider, alike in both cells of a face, so
+/// loops close; loops bound discs but for cells in lattice.tunnel; pieces are numbered in order of their first patch.
+/// Crossing points by linear interpolation, kept at least 2% of an edge away from lattice corners. Parallel and
+/// deterministic. Throws std::invalid_argument when a brick is missing where the surface goes on.
 LatticeTopology lattice_topology(const BrickLattice& lattice);
 
 /// Triangulates the pieces with wanted[piece] != 0 (all when `wanted` is empty). Loops are cut so that no diagonal lies

@@ -238,6 +238,7 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
     fresh = insert(lattice, more);
   }
   resolve_ambiguous_faces(lattice, field);
+  resolve_tunnels(lattice, field);
   return lattice;
 }
 
