@@ -34,7 +34,8 @@ Index BrickLattice::find(const IVec3& brick) const {
 }
 
 std::uint64_t BrickLattice::face_key(const IVec3& corner, int axis) {
-  constexpr int kBits = 20, kOffset = 1 << (kBits - 1);
+  constexpr int kBits = 20, kOffset = kFarthestCorner;
+  static_assert(2 * kOffset <= 1 << kBits);
   std::uint64_t key = 0;
   for (int a = 0; a < 3; ++a) key = key << kBits | static_cast<std::uint64_t>(corner[a] + kOffset);
   return key << 2 | static_cast<std::uint64_t>(axis);

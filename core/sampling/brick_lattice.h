@@ -15,6 +15,7 @@ namespace isoskin {
 struct BrickLattice {
   static constexpr int kCells = 8;
   static constexpr int kCorners = 9;
+  static constexpr int kFarthestCorner = 1 << 19;  // from the origin on each axis
   static constexpr int kValues = kCorners * kCorners * kCorners;
 
   DVec3 origin{0.0};

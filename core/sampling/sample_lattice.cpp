@@ -19,9 +19,9 @@ namespace {
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
-constexpr double kLargestCoordinate = 1 << 20;  // bricks from the origin: corner numbers stay far inside 32 bits
-constexpr std::size_t kBatch = 4096;            // bricks a call of Backend::evaluate
-constexpr int kMostRounds = 16;                 // of added bricks, before the surface is said to be open
+constexpr int kLargestCoordinate = BrickLattice::kFarthestCorner / kCells - 1;  // bricks from the origin
+constexpr std::size_t kBatch = 4096;                                            // bricks a call of Backend::evaluate
+constexpr int kMostRounds = 16;  // of added bricks, before the surface is said to be open
 
 bool before(const IVec3& a, const IVec3& b) {
   if (a.x != b.x) return a.x < b.x;
@@ -216,6 +216,10 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
   lattice.coordinate =
       parts > 0 ? grid_candidates(*grid->grid(), parts) : subdivide(field, lattice.origin, lattice.spacing, max_bricks);
   check_count(lattice.brick_count(), max_bricks, spacing);
+  for (const IVec3& c : lattice.coordinate)
+    if (glm::any(glm::greaterThan(glm::abs(c), IVec3(kLargestCoordinate))))
+      throw InputError("the grid lies too far from its origin; expected voxels within " +
+                       std::to_string(BrickLattice::kFarthestCorner / std::max(parts, 1)));
   lattice.value.resize(lattice.brick_count() * kValues);
   lattice.build_index();
 

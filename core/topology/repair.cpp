@@ -12,6 +12,8 @@ namespace {
 
 // An extracted vertex lies within a lattice edge of the surface; one that projection moves farther is going elsewhere.
 constexpr float kFarthestProjection = 0.5f;  // of the lattice spacing
+// A settled piece stays within the box of what was extracted, but for what the lattice does not see.
+constexpr double kFarthestDrift = 2.0;  // lattice spacings
 // A settled piece keeps its volume roughly: a tetrahedron fills 0.12 of the ball about it.
 constexpr double kLeastVolume = 0.1, kMostVolume = 3.0;  // of the extracted piece's
 
@@ -73,15 +75,31 @@ std::vector<Index> origin_of_pieces(const TriangleMesh& settled, const MeshPiece
   return origin;
 }
 
-/// Settled pieces where settling went well, the extracted ones where it did not.
-TriangleMesh best_of_both(TriangleMesh settled, const Extracted& extracted, const LatticeTopology& topology) {
+std::vector<Box> boxes_of_pieces(const TriangleMesh& mesh, const MeshPieces& pieces) {
+  std::vector<Box> out(pieces.count());
+  for (std::size_t v = 0; v < mesh.vertex_count(); ++v)
+    if (pieces.of_vertex[v] != kNone) out[pieces.of_vertex[v]].add(DVec3(mesh.vertices.position[v]));
+  return out;
+}
+
+bool contains(const Box& outer, const Box& inner) {
+  return glm::all(glm::lessThanEqual(outer.low, inner.low)) && glm::all(glm::greaterThanEqual(outer.high, inner.high));
+}
+
+/// Settled pieces where settling went well, the extracted ones where it did not: where a drop folded over, or left its
+/// place for another sheet.
+TriangleMesh best_of_both(TriangleMesh settled, const Extracted& extracted, const LatticeTopology& topology,
+                          double spacing) {
   const MeshPieces pieces = mesh_pieces(settled);
   const std::vector<Index> origin = origin_of_pieces(settled, pieces, extracted);
+  const std::vector<Box> boxes = boxes_of_pieces(settled, pieces);
   std::vector<std::uint8_t> keep(pieces.count(), 0), taken(topology.piece_count(), 0);
   for (std::size_t p = 0; p < pieces.count(); ++p) {
     if (origin[p] == kNone || taken[origin[p]]) continue;
     const double share = pieces.volume[p] / topology.volume[origin[p]];
-    keep[p] = share > kLeastVolume && share < kMostVolume && pieces.euler[p] == topology.euler[origin[p]];
+    const bool same_size = share > kLeastVolume && share < kMostVolume;
+    const bool same_place = contains(topology.box[origin[p]].grown(kFarthestDrift * spacing), boxes[p]);
+    keep[p] = same_size && same_place && pieces.euler[p] == topology.euler[origin[p]];
     taken[origin[p]] |= keep[p];
   }
   const bool all = std::all_of(keep.begin(), keep.end(), [](std::uint8_t k) { return k != 0; });
@@ -118,7 +136,7 @@ RepairReport reextract(TriangleMesh& mesh, const MeshPieces& pieces, const Certi
     fresh = extracted.raw;
     project_extracted(fresh, lattice.spacing, backend, project);
     if (options.coarsening > 0.0f) settle(fresh, backend, alter, relax, project, options);
-    fresh = best_of_both(std::move(fresh), extracted, topology);
+    fresh = best_of_both(std::move(fresh), extracted, topology, lattice.spacing);
     fresh.vertices.rest = fresh.vertices.position;
     std::fill(fresh.vertices.velocity.begin(), fresh.vertices.velocity.end(), Vec3(0.0f));
     std::fill(fresh.vertices.age.begin(), fresh.vertices.age.end(), Index{0});
