@@ -35,7 +35,10 @@ int run(int argc, char** argv) {
       "`isoskin COMMAND --help` shows the options and an example of each command.\n"
       "Exit status: 0 done, 1 compare or check says no, 2 bad input (one line on standard error says what).");
   Action action;
+  add_track(app, action);
+  add_render(app, action);
   add_compare(app, action);
+  add_check(app, action);
   add_info(app, action);
   add_devices(app, action);
   try {

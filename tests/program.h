@@ -106,7 +106,7 @@ public:
     waited_ = true;
     return WIFEXITED(status_) ? WEXITSTATUS(status_) : -WTERMSIG(status_);
   }
-  std::string out() const { return read_text(out_); }
+  std::string out() const { return out_.starts_with("/dev/") ? "" : read_text(out_); }
   const std::string& err() const { return err_; }  // after wait()
 
 private:

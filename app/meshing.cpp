@@ -1,0 +1,56 @@
+#include "app/meshing.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include "app/options.h"
+
+namespace isoskin {
+namespace {
+
+constexpr double kLeastAngle = 0.5, kMostAngle = 180.0;  // degrees
+constexpr int kMostPasses = 10;
+// Edges that fit across the surface's diagonal: beyond this the mesh has hundreds of millions of triangles.
+constexpr double kMostEdgesAcross = 4096.0;
+
+}  // namespace
+
+void add_meshing_options(CLI::App& command, MeshingOptions& options) {
+  command.add_option("--edge-length", options.edge_length,
+                     "Wanted mechanical edge, world units (default: 1.5 voxels, or 1/60 of the scene's diagonal)");
+  command.add_option("--angle", options.angle, "Refine where normals differ by more, degrees (default: 18)");
+  command.add_option("--passes", options.passes, "Refinement passes, at most (default: 4)");
+  command.add_option("--mechanics", options.mechanics, "Elements of the skin")
+      ->check(CLI::IsMember({"fem", "springs"}))
+      ->capture_default_str();
+  command.add_flag("--sharp", options.sharp, "Pull vertices onto sharp features");
+}
+
+TrackOptions track_options(const MeshingOptions& given, const SceneMeshing& scene, const Field& first) {
+  TrackOptions options;
+  const std::optional<double> e = given.edge_length ? given.edge_length : scene.edge_length;
+  if (e && !(std::isfinite(*e) && *e > 0.0))
+    throw InputError(fmt::format("edge length {}: expected a positive, finite length", *e));
+  options.edge_length = e.value_or(0.0);
+  if (const auto angle = given.angle ? given.angle : scene.angle) {
+    require_range("--angle", *angle, kLeastAngle, kMostAngle);
+    options.refine.angle = float(*angle);
+  }
+  if (const auto passes = given.passes ? given.passes : scene.passes) {
+    require_range("--passes", *passes, 0, kMostPasses);
+    options.refine.passes = *passes;
+  }
+  options.relax.mechanics = given.mechanics == "springs" ? Mechanics::springs : Mechanics::fem;
+  options.relax.sharp = given.sharp || scene.sharp.value_or(false);
+
+  options = resolved(options, first);
+  const double diagonal = first.bounds().diagonal();
+  if (diagonal > kMostEdgesAcross * options.edge_length)
+    throw InputError(fmt::format("edge length {}: expected at least {:.4g}, the surface's diagonal over {}",
+                                 options.edge_length, diagonal / kMostEdgesAcross, kMostEdgesAcross));
+  return options;
+}
+
+}  // namespace isoskin
