@@ -38,8 +38,8 @@ struct BrickLattice {
   Index find(const IVec3& brick) const;
   void build_index();  // after `coordinate` is filled; find() needs it
 
-  /// Of the face across `axis` (of the cell, for axis 3) with this low corner; corners are within 2^20 of the origin on
-  /// each axis.
+  /// Of the face across `axis` (of the cell, for axis 3) with this low corner; corners are within
+  /// kFarthestCorner.
   static std::uint64_t face_key(const IVec3& corner, int axis);
   /// The face's entry, or null.
   const Face* find_face(const IVec3& corner, int axis) const;
