@@ -2,11 +2,11 @@
 #include "kernels/device.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <new>
 
@@ -136,20 +136,21 @@ std::filesystem::path pocl_cache() {
   return {};
 }
 
-/// The folder itself, or the nearest parent that exists, takes new files.
-bool can_write_below(std::filesystem::path path) {
-  std::error_code ignored;
-  while (!path.empty() && !std::filesystem::exists(path, ignored) && path.has_parent_path() &&
-         path.parent_path() != path)
-    path = path.parent_path();
-  return std::filesystem::is_directory(path, ignored) && access(path.c_str(), W_OK | X_OK) == 0;
+/// Tries it: permissions alone say little to root or on a read-only file system.
+bool can_write(const std::filesystem::path& folder) {
+  std::error_code failed;
+  std::filesystem::create_directories(folder, failed);
+  const std::filesystem::path probe = folder / "isoskin-probe";
+  const bool written = !failed && (std::ofstream(probe) << "x").flush().good();
+  std::filesystem::remove(probe, failed);
+  return written;
 }
 
 Found choose_device(int index) {
   std::vector<Found> found = find_devices();
   if (found.empty()) {
     const std::filesystem::path cache = pocl_cache();
-    if (!cache.empty() && !can_write_below(cache))
+    if (!cache.empty() && !can_write(cache))
       throw InputError(
           fmt::format("no OpenCL device: the kernel cache folder {} cannot be written; expected a "
                       "writable folder in POCL_CACHE_DIR",
@@ -239,10 +240,11 @@ void check(cl_int code, const char* call) {
   if (code != CL_SUCCESS) throw std::runtime_error(fmt::format("{}: {} ({})", call, error_name(code), code));
 }
 
-Device::Device(const OpenClOptions& options) : profile_(options.trace) {
+Device::Device(const OpenClOptions& options, bool like_gpu) : profile_(options.trace) {
   Found found = choose_device(options.device);
   info_ = std::move(found.info);
   id_ = found.id;
+  info_.cpu = info_.cpu && !like_gpu;
   if (info_.cpu) share_local_size_ = 1;
   context_ = shared_context(id_, found.platform);
   cl_int code = CL_SUCCESS;

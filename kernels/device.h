@@ -65,8 +65,9 @@ struct NoBuffer {};
 
 class Device {
 public:
-  /// Throws InputError as promised by make_opencl_backend().
-  explicit Device(const OpenClOptions& options);
+  /// Throws InputError as promised by make_opencl_backend(). `like_gpu`: treats a CPU as a GPU (copies instead of
+  /// maps, one point a work item), to test that path where there is none.
+  explicit Device(const OpenClOptions& options, bool like_gpu = false);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;

@@ -23,13 +23,12 @@ Origin make_origin(const DVec3& at) {
 }
 
 const Kernel& FieldKernel::operator()(const DeviceField& field) {
-  const std::string options = field.build_options();
-  const std::string variant = options + field.source();
+  const Variant variant{field.source(), field.build_options()};
   auto it = built_.find(variant);
   if (it == built_.end()) {
     std::vector<const char*> program = {source::packet, field.source()};
     program.insert(program.end(), sources_.begin(), sources_.end());
-    it = built_.emplace(variant, device_->kernel(program, options, name_)).first;
+    it = built_.emplace(variant, device_->kernel(program, variant.second, name_)).first;
   }
   return it->second;
 }

@@ -51,7 +51,8 @@ private:
   Device* device_;
   std::vector<const char*> sources_;
   const char* name_;
-  std::map<std::string, Kernel> built_;
+  using Variant = std::pair<const char*, std::string>;  // a field's source and options
+  std::map<Variant, Kernel> built_;
 };
 
 /// Work items that cover `points`.

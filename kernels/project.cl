@@ -31,6 +31,7 @@ INLINE Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const Proj
   vint state = select((vint)(FAILED), (vint)(STEPPING), good);
   vint newton = 0, halvings = 0;
   vint has_last = 0;
+  vint halve = 0;
   const int most = o.max_newton + o.max_bisection + 2;
   for (int i = 0; i < most; ++i) {
     const vint stepping = state == STEPPING;
@@ -69,8 +70,9 @@ INLINE Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const Proj
     const vint narrow = bracketed && width <= o.tolerance;
     const vint exhausted = bracketed && halvings >= o.max_bisection;
     const vec3v nearer = pick(b, a, fabs(a_value) <= fabs(b_value));
-    const vfloat halve = select((vfloat)(0.0f), (vfloat)(1.0f), searching && width > 0.5f * old_width);
-    const vfloat t = select(a_value / (a_value - b_value), (vfloat)(0.5f), halve > 0.5f);
+    // A bisection halves by definition: rounding must not say otherwise.
+    halve = searching && !halve && width > 0.5f * old_width;
+    const vfloat t = select(a_value / (a_value - b_value), (vfloat)(0.5f), halve);
     const vec3v middle = {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z)};
     state = select(state, (vint)(FAILED), exhausted);
     state = select(state, (vint)(DONE), narrow && !exhausted);

@@ -6,9 +6,13 @@
 #include <cstring>
 #include <random>
 
+#include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
+#include "core/mechanics/element.h"
 #include "core/mechanics/project.h"
+#include "kernels/element.h"
 #include "kernels/opencl_backend.h"
+#include "tests/test_meshes.h"
 
 using namespace isoskin;
 
@@ -238,4 +242,306 @@ TEST(ProjectKernel, NearTheSurfaceItFindsTheSamePoint) {
   }
   EXPECT_GT(compared, points.size() / 2);
   EXPECT_LE(apart, compared / 500);
+}
+
+namespace {
+
+/// A table of 3 x 4 x 2 blocks, some constant, the others with random taps: no relation between bricks, so a tap taken
+/// from the wrong one shows.
+std::shared_ptr<const GridField> random_grid(Interpolation interpolation, DVec3 origin, double h) {
+  auto grid = std::make_shared<BrickGrid>();
+  grid->origin = origin;
+  grid->h = h;
+  grid->interpolation = interpolation;
+  grid->table_low = IVec3(-1, -2, 0);
+  grid->table_size = IVec3(3, 4, 2);
+  grid->outside = -0.75f;
+  grid->constant = {-0.75f, 0.5f};
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> uniform(-1.0f, 1.0f);
+  for (int i = 0; i < 24; ++i) {
+    if (i % 5 == 3) {
+      grid->table.push_back(i % 2 ? -1 : -2);
+      continue;
+    }
+    grid->table.push_back(std::int32_t(grid->brick_coordinate.size()));
+    grid->brick_coordinate.push_back(grid->table_low + IVec3(i / 8, i / 2 % 4, i % 2));
+    for (int k = 0; k < BrickGrid::kTapValues; ++k) grid->tap.push_back(uniform(random));
+  }
+  return std::make_shared<GridField>(grid);
+}
+
+/// Points about the grid, none within `margin` voxels of a voxel plane: there float32 may land in the next cell, and
+/// random taps (unlike a real grid's) jump between bricks.
+std::vector<Vec3> points_in_cells(const BrickGrid& grid, std::size_t n, double margin) {
+  std::mt19937 random(unsigned(n) + 5);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  std::vector<Vec3> points(n);
+  for (Vec3& p : points) {
+    DVec3 u;
+    for (int k = 0; k < 3; ++k) {
+      const double cell = std::floor((grid.table_low[k] - 0.5 + uniform(random) * (grid.table_size[k] + 1)) * 8);
+      u[k] = cell + margin + (1.0 - 2.0 * margin) * uniform(random);
+    }
+    p = Vec3(grid.origin + grid.h * u);
+  }
+  return points;
+}
+
+}  // namespace
+
+TEST(GridKernel, MatchesTheDefinitionAtEverySize) {
+  for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic}) {
+    const auto field = random_grid(interpolation, DVec3(0.3, -0.2, 0.1), 0.125);
+    device().set_field(field);
+    // Positions in voxels are good to 30 voxels * 2 roundings, values change by up to 2 a voxel, slopes by 8 / h.
+    for (const std::size_t n : kSizes)
+      expect_near_field(*field, points_in_cells(*field->grid(), n, 1e-3), 300 * kEps, 3000 * kEps / 0.125);
+  }
+}
+
+TEST(GridKernel, HessiansMatch) {
+  for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic}) {
+    const auto field = random_grid(interpolation, DVec3(0), 0.5);
+    device().set_field(field);
+    const std::vector<Vec3> points = points_in_cells(*field->grid(), 4099, 1e-3);
+    std::vector<float> got(6 * points.size());
+    device().evaluate_hessian(points, got);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const DMat3 want = field->hessian(DVec3(points[i]));
+      const double packed[6] = {want[0][0], want[1][1], want[2][2], want[1][0], want[2][0], want[2][1]};
+      for (int k = 0; k < 6; ++k) ASSERT_NEAR(got[6 * i + k], packed[k], 1e4 * kEps) << i << ' ' << k;
+    }
+  }
+}
+
+TEST(GridKernel, FarFromTheOriginLosesNothing) {
+  const auto field = random_grid(Interpolation::cubic, DVec3(3e3, -5e3, 1e4), 0.5);
+  device().set_field(field);
+  // Points are float32 at 1e4, an ulp is 2e-3 voxels: the margin keeps them in their cells.
+  expect_near_field(*field, points_in_cells(*field->grid(), 4096, 1e-2), 300 * kEps, 6000 * kEps);
+}
+
+TEST(GridKernel, EdgesOfTheTableAndPointsThatAreNone) {
+  const auto field = random_grid(Interpolation::cubic, DVec3(0), 1.0);
+  device().set_field(field);
+  // The table covers -8..16, -16..16, 0..16.
+  const std::vector<Vec3> points = {{-8, -16, 0},         {16, 0, 8},     {-8.0001f, 0, 8}, {0, 0, 15.9999f},
+                                    {1e30f, 0, 0},        {-1e30f, 1, 1}, {INFINITY, 0, 0}, {NAN, NAN, NAN},
+                                    {2147483648.f, 1, 1}, {1, -3e9f, 1}};
+  const Samples got(points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!std::isfinite(points[i].x)) {
+      EXPECT_TRUE(std::isnan(got.values[i]));
+      EXPECT_EQ(got.gradients[i], Vec3(0));
+      continue;
+    }
+    const FieldSample want = field->sample(DVec3(points[i]));
+    EXPECT_NEAR(got.values[i], want.value, 1e-4) << i;
+    EXPECT_LE(glm::length(DVec3(got.gradients[i]) - want.gradient), 1e-3) << i;
+  }
+}
+
+namespace {
+
+struct Soup {  // unconnected triangles as a resident mesh
+  opencl::Device device{OpenClOptions{}};
+  opencl::ResidentMesh mesh{device};
+  opencl::Array<Vec3> normals{device};
+  opencl::Array<std::uint8_t> inverted{device};
+  std::vector<Vec3> points, outward;
+  std::vector<std::uint8_t> flipped;
+  std::vector<Index> vertex;
+
+  explicit Soup(std::vector<Vec3> corners) : points(std::move(corners)) {
+    std::mt19937 random(9);
+    std::uniform_real_distribution<float> uniform(-1.0f, 1.0f);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const float x = uniform(random), y = uniform(random), z = uniform(random);
+      outward.push_back(glm::normalize(Vec3(x, y, z)));
+      vertex.push_back(Index(i));
+    }
+    for (std::size_t t = 0; t < points.size() / 3; ++t) flipped.push_back(t % 4 == 1);
+    mesh.positions.assign(points);
+    mesh.vertex.assign(vertex);
+    normals.assign(outward);
+    inverted.assign(flipped);
+  }
+
+  Corners corners(std::size_t t, const std::vector<Vec3>& of) const {
+    return {DVec3(of[3 * t]), DVec3(of[3 * t + 1]), DVec3(of[3 * t + 2])};
+  }
+  ElementFrame frame(std::size_t t) const {
+    return element_frame(corners(t, points), flipped[t] != 0,
+                         DVec3(outward[3 * t]) + DVec3(outward[3 * t + 1]) + DVec3(outward[3 * t + 2]));
+  }
+  std::vector<Vec3> slots(const opencl::Elements& elements) const {
+    std::vector<float> raw(elements.slots().size());
+    const_cast<opencl::Array<float>&>(elements.slots()).read(raw);
+    std::vector<Vec3> result(raw.size() / 3);
+    std::memcpy(result.data(), raw.data(), raw.size() * sizeof(float));
+    return result;
+  }
+};
+
+void compare_elements(std::vector<Vec3> corners, Mechanics mechanics, std::size_t most_wrong) {
+  Soup soup(std::move(corners));
+  const std::size_t triangles = soup.flipped.size();
+  RelaxOptions options;
+  options.mechanics = mechanics;
+  options.edge_length = 0.8f;
+  const ElementMaterial material{options.edge_length, options.young, options.poisson, options.spring};
+  const std::vector<Vec3> d = random_points(3 * triangles, 0.5, DVec3(0), 77);
+  opencl::Array<Vec3> displacement(soup.device);
+  displacement.assign(d);
+  opencl::Array<int> done(soup.device);
+  done.assign(std::vector<int>{0});
+
+  opencl::Elements elements(soup.device);
+  elements.forces(soup.mesh, soup.normals, soup.inverted, options);
+  const std::vector<Vec3> forces = soup.slots(elements);
+  elements.product(soup.mesh, displacement, done, options);
+  const std::vector<Vec3> products = soup.slots(elements);
+
+  std::size_t wrong = 0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    const Corners p = soup.corners(t, soup.points), dx = soup.corners(t, d);
+    const bool fem = mechanics == Mechanics::fem;
+    const Corners f = fem ? element_forces(soup.frame(t), p, material) : spring_forces(p, material);
+    const Corners k =
+        fem ? element_stiffness_times(soup.frame(t), dx, material) : spring_stiffness_times(p, dx, material);
+    bool good = true;
+    for (int c = 0; c < 3; ++c) {
+      // Forces are of order E times the deformation, in edges of order 1; a frame is good to 1e3 roundings.
+      good = good && glm::length(DVec3(forces[3 * t + c]) + f[c]) <= 1e3 * kEps * (1000.0 + glm::length(f[c]));
+      good = good && glm::length(DVec3(products[3 * t + c]) - k[c]) <= 1e3 * kEps * (1000.0 + glm::length(k[c]));
+    }
+    if (!good && ++wrong <= 3)
+      ADD_FAILURE_AT(__FILE__, __LINE__) << "triangle " << t << " of " << triangles << ": force off by "
+                                         << glm::length(DVec3(forces[3 * t]) + f[0]) << ", product by "
+                                         << glm::length(DVec3(products[3 * t]) - k[0]);
+  }
+  EXPECT_LE(wrong, most_wrong);
+}
+
+}  // namespace
+
+TEST(ElementKernel, RandomTrianglesMatchAtEverySize) {
+  for (const Mechanics mechanics : {Mechanics::fem, Mechanics::springs})
+    for (const std::size_t n : kSizes) compare_elements(random_points(3 * n, 1.0), mechanics, 0);
+}
+
+TEST(ElementKernel, DegenerateTriangles) {
+  const std::vector<Vec3> corners = {
+      {1, 2, 3}, {1, 2, 3},      {1, 2, 3},         // a point
+      {0, 0, 0}, {1, 0, 0},      {1, 0, 0},         // an edge of no length
+      {0, 0, 0}, {1, 0, 0},      {2, 0, 0},         // a line
+      {0, 0, 0}, {4, 4, 4},      {1, 1, 1},         // the same, corners in another order
+      {0, 0, 0}, {1, 0, 0},      {0.5f, 1e-9f, 0},  // flatter than float32 tells
+      {0, 0, 0}, {1e-12f, 0, 0}, {0, 1e-12f, 0},    // tiny
+      {0, 0, 0}, {1e3f, 0, 0},   {0, 1e3f, 0},      // huge
+      {0, 0, 0}, {2, 0, 0},      {1, 0.25f, 0},     // flat, and one seen from behind (every fourth)
+      {0, 0, 0}, {2, 0, 0},      {1, 0.25f, 0},    {0, 0, 0}, {2, 0, 0}, {1, 0.25f, 0}};
+  for (const Mechanics mechanics : {Mechanics::fem, Mechanics::springs}) compare_elements(corners, mechanics, 0);
+}
+
+TEST(ElementKernel, DoneStopsTheProduct) {
+  Soup soup(random_points(300, 1.0));
+  opencl::Elements elements(soup.device);
+  const RelaxOptions options;
+  elements.forces(soup.mesh, soup.normals, soup.inverted, options);
+  const std::vector<Vec3> before = soup.slots(elements);
+  opencl::Array<int> done(soup.device);
+  done.assign(std::vector<int>{1});
+  elements.product(soup.mesh, soup.normals, done, options);
+  EXPECT_EQ(soup.slots(elements), before);
+}
+
+// Small enough for oclgrind, which interprets: every kernel once, at a size that leaves a tail (tests/CMakeLists.txt).
+TEST(SmallForOclgrind, EveryKernel) {
+  const auto backend = make_opencl_backend();
+  TriangleMesh mesh = test_meshes::icosphere(1);
+  const std::shared_ptr<const Field> fields[] = {
+      random_skeleton(12, {Potential::metaball, Potential::cauchy, Potential::wyvill}, {2.0, 3.0}, 1.0, true),
+      random_grid(Interpolation::cubic, DVec3(0.1), 0.1), random_grid(Interpolation::linear, DVec3(0.1), 0.1)};
+  for (const auto& field : fields) {
+    backend->set_field(field);
+    std::vector<Vec3> points = random_points(21, 1.0), gradients(21);
+    std::vector<float> values(21), hessians(6 * 21);
+    backend->evaluate(points, values, gradients);
+    backend->evaluate(points, values, {});
+    backend->evaluate_hessian(points, hessians);
+    backend->project(points, {}, {});
+    backend->set_mesh(mesh);
+    RelaxOptions relax;
+    relax.edge_length = 0.6f;
+    relax.cg_iterations = 2;
+    relax.steps = 1;
+    relax.sharp = true;
+    relax.sharp_pulls = 1;
+    for (const Mechanics mechanics : {Mechanics::fem, Mechanics::springs}) {
+      relax.mechanics = mechanics;
+      EXPECT_EQ(backend->relax(relax, {}).steps, 1);
+    }
+    std::vector<Vec3> normals(mesh.vertex_count());
+    std::vector<std::uint8_t> inverted(mesh.triangle_count());
+    backend->vertex_normals(normals);
+    backend->inverted_triangles(inverted);
+    for (const Vec3& p : backend->positions()) EXPECT_TRUE(std::isfinite(p.x + p.y + p.z));
+  }
+}
+
+namespace {
+
+/// A linear grid of a signed square root of the distance to a sphere: no slope is right for long.
+std::shared_ptr<const GridField> steep_grid() {
+  auto grid = std::make_shared<BrickGrid>();
+  grid->origin = DVec3(-2.0);
+  grid->h = 0.125;
+  grid->interpolation = Interpolation::linear;
+  grid->table_size = IVec3(4);
+  grid->outside = -1.0f;
+  for (int i = 0; i < 64; ++i) {
+    const IVec3 brick(i / 16, i / 4 % 4, i % 4);
+    grid->table.push_back(i);
+    grid->brick_coordinate.push_back(brick);
+    for (int k = 0; k < BrickGrid::kTapValues; ++k) {
+      const IVec3 voxel = 8 * brick + IVec3(k / 121, k / 11 % 11, k % 11) - 1;
+      const double d = 0.83 - glm::length(grid->origin + grid->h * DVec3(voxel));
+      grid->tap.push_back(float(std::copysign(std::sqrt(std::abs(d)), d)));
+    }
+  }
+  return std::make_shared<GridField>(grid);
+}
+
+}  // namespace
+
+TEST(ProjectKernel, BracketsOfBentFieldsCloseAsOftenAsTheDefinitionSays) {
+  // Steep near the skeleton, flat far away: false position alone keeps one end of the bracket. With 10 evaluations the
+  // halvings decide who converges.
+  const auto steep = random_skeleton(6, {Potential::inverse_square}, {2.0}, 0.3, false);
+  const auto kinked = steep_grid();
+  for (const std::shared_ptr<const Field>& field :
+       {std::shared_ptr<const Field>(steep), std::shared_ptr<const Field>(kinked)}) {
+    device().set_field(field);
+    ProjectOptions options;
+    options.tolerance = 1e-5f;
+    options.max_step = 2.0f;
+    options.max_bisection = 10;
+    const std::vector<Vec3> start = random_points(20000, 1.5);
+    std::vector<Vec3> points = start;
+    std::vector<ProjectStatus> status(points.size());
+    device().project(points, options, status);
+    std::size_t want = 0, got = 0, disagree = 0;
+    for (std::size_t i = 0; i < start.size(); ++i) {
+      const ProjectStatus oracle = project_point(*field, DVec3(start[i]), options).status;
+      want += oracle == ProjectStatus::converged;
+      got += status[i] == ProjectStatus::converged;
+      disagree += oracle != status[i];
+    }
+    EXPECT_GT(want, start.size() / 20);
+    EXPECT_NEAR(double(got), double(want), 0.02 * double(start.size()));
+    // Where the last evaluation lands on the tolerance, rounding decides.
+    EXPECT_LE(disagree, start.size() / 25) << want << " of " << start.size();
+  }
 }

@@ -37,7 +37,7 @@ Projection bracketed(const Field& field, Iterate a, Iterate b, const Projection&
     if (on_surface(middle.sample, options.tolerance)) return {middle.point, ProjectStatus::converged};
     const bool same_side_as_a = (middle.sample.value > 0.0) == (a.sample.value > 0.0);
     (same_side_as_a ? a : b) = middle;
-    bisect = glm::length(b.point - a.point) > 0.5 * width;
+    bisect = !bisect && glm::length(b.point - a.point) > 0.5 * width;
   }
   return failed;
 }
