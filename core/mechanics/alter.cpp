@@ -71,6 +71,7 @@ public:
 
   bool wants(Index h) const {
     if (!(state_.squared_length(h) > limit_) || state_.locked(h) || state_.compressed(h)) return false;
+    if (is_small_piece(mesh_, h)) return false;
     return inverted_.empty() || !(inverted_[h / 3] || inverted_[mesh_.twin[h] / 3]);
   }
   std::uint64_t key(Index h) const { return edge_key(mesh_, h, 1.0f / state_.squared_length(h)); }

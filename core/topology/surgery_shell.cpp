@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "core/mesh/small_pieces.h"
 #include "core/topology/mesh_probe.h"
 #include "core/topology/surgery_theatre.h"
 
@@ -113,11 +114,11 @@ PieceShape shape_of(const TriangleMesh& mesh, const std::vector<Index>& piece) {
 
 SurgeryReport make_shell(TriangleMesh& mesh, const Theatre& theatre) {
   if (!(theatre.filled(theatre.site.after.position) > 0.0)) return refused("the new piece is gone again");
-  constexpr double kLongest = 1.5;  // of e
   constexpr int kLevels = 5;
   Octahedron shape;
   auto points = shell_points(theatre, shape);
-  for (int level = 0; points && level < kLevels && longest_edge_of(shape, *points) > kLongest * theatre.e(); ++level) {
+  for (int level = 0; points && level < kLevels && longest_edge_of(shape, *points) > kSmallPieceEdge * theatre.e();
+       ++level) {
     shape.subdivide();
     points = shell_points(theatre, shape);
   }
