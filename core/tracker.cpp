@@ -8,8 +8,10 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/topology/bad_sites.h"
+#include "core/topology/droplets.h"
 #include "core/trace.h"
 
 namespace isoskin {
@@ -86,6 +88,11 @@ std::vector<LedgerEntry> ledger_of(const FieldFrame& frame, const TriangleMesh& 
   return entries;
 }
 
+/// Grids have a critical point in every other voxel; they are left to the collisions and the certificate.
+bool has_critical_points(const Field& field) {
+  return field.is_c2() && field.resolution() == 0.0;
+}
+
 }  // namespace
 
 TrackOptions resolved(TrackOptions options, const Field& first) {
@@ -130,9 +137,11 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
     Step step(report, "advance");
     backend_->set_field(frame.field);
   }
+  operate(frame, report);
   {
     Step step(report, "predict");
     predict(frame);
+    grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
   }
   relax(report);
   handle_events(frame, report);
@@ -153,6 +162,24 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
   time_ = frame.time;
   started_ = true;
   return report;
+}
+
+/// Tier 1, while the mesh still lies on the last frame's surface.
+void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
+  ledger_.clear();
+  if (!last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) return;
+  Step step(report, "surgery");
+  const auto begin = Clock::now();
+  const EventOptions options = event_options(options_.edge_length);
+  if (critical_.field != last_field_) {  // the second frame, or the first of a run that is resumed
+    backend_->set_field(last_field_);
+    critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
+    backend_->set_field(frame.field);
+  }
+  const EventReport done = handle_critical_events(mesh_, critical_, frame.field, *backend_, options);
+  const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+  for (const CriticalEvent& event : done.events)
+    if (event.done) ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
 }
 
 void Tracker::predict(const FieldFrame& frame) {
@@ -193,12 +220,23 @@ RelaxReport Tracker::relax_once() {
   backend_->set_mesh(mesh_);
   const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
   const auto positions = backend_->positions();
-  mesh_.vertices.position.assign(positions.begin(), positions.end());
+  std::vector<Vec3> moved(positions.begin(), positions.end());
+  hold_small_pieces(moved);
+  mesh_.vertices.position = std::move(moved);
   return relaxed;
 }
 
+/// Small pieces are projected instead.
+void Tracker::hold_small_pieces(std::vector<Vec3>& moved) {
+  const std::vector<Index> held = small_piece_vertices(mesh_);
+  if (held.empty()) return;
+  std::vector<Vec3> position;
+  for (const Index v : held) position.push_back(mesh_.position(v));
+  backend_->project(position, options_.project, {});
+  for (std::size_t i = 0; i < held.size(); ++i) moved[held[i]] = position[i];
+}
+
 void Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
-  ledger_.clear();
   Evidence evidence;
   {
     Step step(report, "certify");

@@ -10,6 +10,7 @@
 #include "core/backend.h"
 #include "core/mechanics/alter.h"
 #include "core/refine/refine.h"
+#include "core/topology/events.h"
 #include "core/topology/repair.h"
 #include "core/topology/reskin.h"
 
@@ -39,7 +40,8 @@ TrackOptions resolved(TrackOptions options, const Field& first);
 struct LedgerEntry {
   int frame = 0;
   double time = 0.0;
-  std::string kind;  // the fault that was repaired: "missing", "euler", ... (core/topology/certificate.h)
+  std::string kind;  // the event ("cut", "spackle", ...: core/topology/events.h) or the fault that was repaired
+                     // ("missing", "euler", ...: core/topology/certificate.h)
   int tier = 3;
   DVec3 position{0.0};       // centre of the piece concerned
   std::size_t vertices = 0;  // mesh vertices of the piece that was removed, 0 where there was none
@@ -90,9 +92,11 @@ private:
     Certificate certificate;
   };
 
+  void operate(const FieldFrame& frame, FrameReport& report);
   void predict(const FieldFrame& frame);
   void relax(FrameReport& report);
   RelaxReport relax_once();
+  void hold_small_pieces(std::vector<Vec3>& moved);
   void handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report);
@@ -110,6 +114,7 @@ private:
   std::vector<Vec3> normals_;
   GeometricMesh geometric_;
   std::vector<LedgerEntry> ledger_;
+  CriticalState critical_;  // of the last field, where it has second derivatives
 };
 
 }  // namespace isoskin

@@ -71,15 +71,6 @@ private:
   State state_ = State::running;
 };
 
-CriticalPoint describe(const Field& field, const DVec3& p, const CriticalOptions& options) {
-  CriticalPoint point;
-  point.position = p;
-  point.value = field.value(p);
-  point.hessian = symmetric_eigen(field.hessian(p));
-  point.kind = classify(point.hessian.values, options.degenerate_ratio);
-  return point;
-}
-
 bool before(const DVec3& a, const DVec3& b) {
   return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
 }
@@ -166,12 +157,21 @@ CriticalKind classify(const DVec3& eigenvalues, double ratio) {
   return kKinds[positive];
 }
 
+CriticalPoint describe_critical_point(const Field& field, const DVec3& p, const CriticalOptions& options) {
+  CriticalPoint point;
+  point.position = p;
+  point.value = field.value(p);
+  point.hessian = symmetric_eigen(field.hessian(p));
+  point.kind = classify(point.hessian.values, options.degenerate_ratio);
+  return point;
+}
+
 std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVec3& seed,
                                                    const CriticalOptions& options) {
   NewtonSearch search(seed, options);
   while (search.state() == NewtonSearch::State::running)
     search.advance(field.sample(search.next()).gradient, field.hessian(search.next()), options, options.exact);
-  const CriticalPoint point = describe(field, search.best(), options);
+  const CriticalPoint point = describe_critical_point(field, search.best(), options);
   if (search.state() == NewtonSearch::State::settled) return point;
   // Newton only creeps toward a degenerate point; near enough is all that can be said of it.
   if (point.kind != CriticalKind::degenerate || point.hessian.values == DVec3(0.0)) return std::nullopt;

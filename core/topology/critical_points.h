@@ -57,6 +57,9 @@ struct CriticalSearch {
   std::size_t degenerate = 0;  // points of kind degenerate
 };
 
+/// Value, Hessian and kind at `p`, whatever the gradient there.
+CriticalPoint describe_critical_point(const Field& field, const DVec3& p, const CriticalOptions& options);
+
 /// Damped Newton on grad F in float64 from `seed`: each step is limited to max_step and halved while |grad F| does not
 /// fall. Nothing when it does not settle within the iterations or the reach. At a degenerate point Newton converges
 /// slowly; it is reported as degenerate once |grad F| explains less than `settled` e of motion.

@@ -1,6 +1,7 @@
 #include "core/topology/events.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/field/skeleton_field.h"
 #include "core/topology/critical_interval.h"
@@ -66,6 +67,18 @@ void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3
         seeds.push_back(0.5 * (ball[i].first + ball[j].first));
 }
 
+/// The points on a fine fixed raster: the same whether they were tracked here or searched for anew by a run that is
+/// resumed, for Newton from another start ends within a few ulps of the same place, not in it.
+std::vector<CriticalPoint> rastered(const std::vector<CriticalPoint>& points, const Field& field,
+                                    const CriticalOptions& options) {
+  constexpr double kRaster = 1e-5;  // of e, rounded to a power of two
+  const double raster = std::exp2(std::floor(std::log2(kRaster * options.edge_length)));
+  std::vector<CriticalPoint> result;
+  for (const CriticalPoint& p : points)
+    result.push_back(describe_critical_point(field, raster * glm::round(p.position / raster), options));
+  return result;
+}
+
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
   return field.elements().size() <= options.complete_elements &&
          std::all_of(field.elements().begin(), field.elements().end(),
@@ -105,8 +118,9 @@ CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<co
     const Box box = field->bounds().grown(options.critical.reach * options.critical.edge_length);
     const IntervalSearch all = find_all_critical_points(*skeleton, box, options.critical, search);
     state.points.insert(state.points.end(), all.points.begin(), all.points.end());
-    merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
   }
+  merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
+  state.points = rastered(state.points, *field, options.critical);
   state.field = std::move(field);
   return state;
 }
@@ -127,6 +141,7 @@ EventReport handle_critical_events(TriangleMesh& mesh, CriticalState& state, std
   for (const CriticalPath& path : tracking.paths)
     if (path.exists_after()) state.points.push_back(path.last);
   merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
+  state.points = rastered(state.points, *field, options.critical);
   state.field = std::move(field);
   report.critical_points = state.points.size();
   report.degenerate = found.degenerate;
