@@ -82,11 +82,24 @@ struct Bounds {
   RealMatrix hessian{Real(0.0), Real(0.0), Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
 };
 
+/// True when the element's potential ends before the box begins.
+bool is_out_of_reach(const SkeletonElement& e, const RealBox& box) {
+  if (e.potential != Potential::metaball && e.potential != Potential::wyvill) return false;
+  constexpr double kRounding = 1e-12;
+  double near = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    const double gap = std::max({box[i].lower() - e.a[i], e.a[i] - box[i].upper(), 0.0});
+    near += gap * gap;
+  }
+  return near > e.radius * e.radius * (1.0 + kRounding);
+}
+
 /// grad = 2 f' x, H = 2 f' I + 4 f'' x x^T, summed over elements.
 Bounds bounds_over(const SkeletonField& field, const RealBox& box) {
   const Upward upward;
   Bounds sum;
   for (const SkeletonElement& e : field.elements()) {
+    if (is_out_of_reach(e, box)) continue;
     RealBox x;
     for (int i = 0; i < 3; ++i) x[i] = box[i] - Real(e.a[i]);
     const Slopes f = slopes(e, bn::square(x[0]) + bn::square(x[1]) + bn::square(x[2]));

@@ -26,7 +26,7 @@ struct EventOptions {
   SurgeryOptions surgery;
   std::size_t complete_elements =
       64;  // the first frame of a skeleton of at most this many points is searched completely
-  std::size_t complete_boxes = 400'000;  // and that search ends after so many boxes
+  std::size_t complete_boxes = 150'000;  // and that search ends after so many boxes
 };
 /// The default options for a wanted edge length e.
 EventOptions event_options(double edge_length);
