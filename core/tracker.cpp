@@ -93,6 +93,18 @@ bool has_critical_points(const Field& field) {
   return field.is_c2() && field.resolution() == 0.0;
 }
 
+/// All of a small piece that failed is a bad site: a droplet may lie folded on the surface, where no lattice corner and
+/// no distance gives it away.
+void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate,
+                      std::size_t most_vertices, BadSites& sites) {
+  const std::vector<std::size_t> sizes = sizes_of(pieces);
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const Index piece = pieces.of_vertex[v];
+    if (piece != kNone && certificate.mesh_piece[piece] != Fault::none && sizes[piece] <= most_vertices)
+      sites.point.push_back(mesh.position(v));
+  }
+}
+
 }  // namespace
 
 TrackOptions resolved(TrackOptions options, const Field& first) {
@@ -276,8 +288,9 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, FrameRep
   const auto begin = Clock::now();
   BadSiteOptions bad_options;
   bad_options.tolerance = options_.tolerance;
-  const BadSites sites =
+  BadSites sites =
       find_bad_sites(mesh_, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_, bad_options);
+  add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   if (sites.point.empty()) return;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;

@@ -27,6 +27,7 @@ struct TrackOptions {
   ProjectOptions project;          // tolerance and max_step are filled in: 1e-4 e and e / 2
   SettleOptions settle;            // how a freshly extracted surface becomes near-equilateral
   ReskinOptions reskin;            // local repair; edge_length is filled in
+  std::size_t small_piece = 100;   // failed pieces of at most so many vertices are replaced whole
   int reskin_collapse_passes = 3;  // alter() calls after a local repair, before its first relaxation
   int reskin_rounds = 2;           // alter + relax rounds after them
   RefineOptions refine;            // alpha_r and N_p of the geometric mesh
