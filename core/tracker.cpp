@@ -5,11 +5,11 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
+#include "core/parallel.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/droplets.h"
 #include "core/trace.h"
@@ -50,13 +50,6 @@ double share_surviving(const std::vector<Index>& before, const std::vector<Index
   std::vector<Index> both;
   std::set_intersection(before.begin(), before.end(), after.begin(), after.end(), std::back_inserter(both));
   return before.empty() ? 1.0 : double(both.size()) / double(before.size());
-}
-
-template <class Function>
-void for_each_vertex(const TriangleMesh& mesh, Function&& function) {
-  tbb::parallel_for(tbb::blocked_range<Index>(0, Index(mesh.vertex_count()), 2048), [&](const auto& range) {
-    for (Index v = range.begin(); v != range.end(); ++v) function(v);
-  });
 }
 
 std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
@@ -198,19 +191,38 @@ void Tracker::predict(const FieldFrame& frame) {
   VertexTable& vertices = mesh_.vertices;
   const double dt = started_ ? frame.time - time_ : 0.0;
   const std::vector<Vec3> old = vertices.position;
-  for_each_vertex(mesh_, [&](Index v) {
+  const auto velocity = [&](Index v) {
+    return frame.velocity ? Vec3(frame.velocity->velocity(DVec3(old[v]))) : vertices.velocity[v];
+  };
+  for_each_index(mesh_.vertex_count(), [&](std::size_t v) {
     ++vertices.age[v];
-    if (frame.velocity) vertices.position[v] += Vec3(dt * frame.velocity->velocity(DVec3(old[v])));
+    vertices.position[v] += float(dt) * velocity(Index(v));
   });
-  const std::vector<Vec3> advected = vertices.position;
-  backend_->project(vertices.position, options_.project, {});
-  // A failed vertex has no motion of its own that could be trusted; what it had would only mislead the edits.
-  for_each_vertex(mesh_, [&](Index v) {
-    const bool moved = dt > 0.0 && vertices.position[v] != advected[v];
+  std::vector<ProjectStatus> status(mesh_.vertex_count());
+  backend_->project(vertices.position, options_.project, status);
+  project_again_from(old, status);
+  for_each_index(mesh_.vertex_count(), [&](std::size_t v) {
+    const bool moved = dt > 0.0 && status[v] == ProjectStatus::converged;
     vertices.velocity[v] = moved ? (vertices.position[v] - old[v]) / float(dt) : Vec3(0.0f);
     if (frame.velocity) vertices.velocity[v] = Vec3(frame.velocity->velocity(DVec3(vertices.position[v])));
   });
   options_.alter.dt = float(dt);
+}
+
+/// Where the prediction missed the surface, the old position may still find it.
+void Tracker::project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status) {
+  std::vector<Index> failed;
+  for (Index v = 0; v < status.size(); ++v)
+    if (status[v] != ProjectStatus::converged) failed.push_back(v);
+  if (failed.empty()) return;
+  std::vector<Vec3> points;
+  for (const Index v : failed) points.push_back(old[v]);
+  std::vector<ProjectStatus> again(points.size());
+  backend_->project(points, options_.project, again);
+  for (std::size_t i = 0; i < failed.size(); ++i) {
+    mesh_.vertices.position[failed[i]] = points[i];
+    status[failed[i]] = again[i];
+  }
 }
 
 void Tracker::relax(FrameReport& report) {
@@ -222,8 +234,7 @@ void Tracker::relax(FrameReport& report) {
     }
     Step step(report, "relax");
     report.quasi_critical = relax_once().quasi_critical;
-    inverted.resize(mesh_.triangle_count());
-    backend_->inverted_triangles(inverted);
+    inverted = inverted_triangles();
   }
   report.inverted = std::size_t(std::count(inverted.begin(), inverted.end(), 1));
 }
@@ -309,11 +320,21 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, FrameRep
 
 /// Coarsens and relaxes what reskin() left dense. Whole-mesh passes: the rest is near equilibrium and hardly moves.
 void Tracker::settle_new_skin() {
-  for (int pass = 0; pass < options_.reskin_collapse_passes; ++pass) alter(mesh_, options_.alter);
+  AlterOptions alter_options = options_.alter;
+  alter_options.respect_locks = false;
+  alter_options.dt = 0.0f;  // the field stands still while the skin settles
+  for (int pass = 0; pass < options_.reskin_collapse_passes; ++pass) alter(mesh_, alter_options);
   for (int round = 0; round < options_.reskin_rounds; ++round) {
-    alter(mesh_, options_.alter);
     relax_once();
+    alter(mesh_, alter_options, inverted_triangles());
   }
+  relax_once();
+}
+
+std::vector<std::uint8_t> Tracker::inverted_triangles() {
+  std::vector<std::uint8_t> inverted(mesh_.triangle_count());
+  backend_->inverted_triangles(inverted);
+  return inverted;
 }
 
 void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report) {

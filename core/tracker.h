@@ -29,7 +29,7 @@ struct TrackOptions {
   ReskinOptions reskin;            // local repair; edge_length is filled in
   std::size_t small_piece = 100;   // failed pieces of at most so many vertices are replaced whole
   int reskin_collapse_passes = 3;  // alter() calls after a local repair, before its first relaxation
-  int reskin_rounds = 2;           // alter + relax rounds after them
+  int reskin_rounds = 4;           // relax + alter rounds after them
   RefineOptions refine;            // alpha_r and N_p of the geometric mesh
 };
 
@@ -95,9 +95,11 @@ private:
 
   void operate(const FieldFrame& frame, FrameReport& report);
   void predict(const FieldFrame& frame);
+  void project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status);
   void relax(FrameReport& report);
   RelaxReport relax_once();
   void hold_small_pieces(std::vector<Vec3>& moved);
+  std::vector<std::uint8_t> inverted_triangles();
   void handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report);
