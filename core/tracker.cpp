@@ -201,12 +201,24 @@ void Tracker::predict(const FieldFrame& frame) {
   std::vector<ProjectStatus> status(mesh_.vertex_count());
   backend_->project(vertices.position, options_.project, status);
   project_again_from(old, status);
-  for_each_index(mesh_.vertex_count(), [&](std::size_t v) {
+  set_velocities(frame, old, status, dt);
+  options_.alter.dt = float(dt);
+}
+
+/// From the grid where there is one; else the surface's own motion, which is normal. What a vertex slid sideways is not
+/// the surface's, and would feed on itself if the next prediction used it.
+void Tracker::set_velocities(const FieldFrame& frame, const std::vector<Vec3>& old,
+                             const std::vector<ProjectStatus>& status, double dt) {
+  VertexTable& vertices = mesh_.vertices;
+  std::vector<float> values(vertices.size());
+  std::vector<Vec3> gradients(vertices.size());
+  backend_->evaluate(vertices.position, values, gradients);
+  for_each_index(vertices.size(), [&](std::size_t v) {
+    const Vec3 n = Vec3(outward_normal(DVec3(gradients[v])));
     const bool moved = dt > 0.0 && status[v] == ProjectStatus::converged;
-    vertices.velocity[v] = moved ? (vertices.position[v] - old[v]) / float(dt) : Vec3(0.0f);
+    vertices.velocity[v] = moved ? glm::dot(vertices.position[v] - old[v], n) / float(dt) * n : Vec3(0.0f);
     if (frame.velocity) vertices.velocity[v] = Vec3(frame.velocity->velocity(DVec3(vertices.position[v])));
   });
-  options_.alter.dt = float(dt);
 }
 
 /// Where the prediction missed the surface, the old position may still find it.

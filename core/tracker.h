@@ -95,6 +95,8 @@ private:
 
   void operate(const FieldFrame& frame, FrameReport& report);
   void predict(const FieldFrame& frame);
+  void set_velocities(const FieldFrame& frame, const std::vector<Vec3>& old, const std::vector<ProjectStatus>& status,
+                      double dt);
   void project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status);
   void relax(FrameReport& report);
   RelaxReport relax_once();
