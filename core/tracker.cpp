@@ -116,6 +116,9 @@ TrackOptions resolved(TrackOptions options, const Field& first) {
   options.alter.edge_length = options.relax.edge_length = float(e);
   options.project.tolerance = float(1e-4 * e);
   options.project.max_step = float(0.5 * e);
+  // A grid has no detail below its voxels; a crease would be split for nothing until the passes run out.
+  constexpr double kFinestEdge = 0.6;
+  if (options.refine.shortest == 0.0f) options.refine.shortest = float(kFinestEdge * voxel);
   return options;
 }
 
