@@ -1,9 +1,11 @@
 #include "core/topology/critical_points.h"
 
+#include <cfenv>
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/topology/critical_interval.h"
@@ -263,6 +265,20 @@ TEST(IntervalSearch, morse_inequality_of_random_balls) {
       sum += p.kind == CriticalKind::maximum || p.kind == CriticalKind::one_saddle ? 1 : -1;
     EXPECT_EQ(sum, 1) << "seed " << seed << " points " << found.points.size();
   }
+}
+
+TEST(IntervalSearch, leaves_the_rounding_mode_as_it_was) {
+  const tbb::global_control here(tbb::global_control::max_allowed_parallelism, 1);  // all of it in this thread
+  std::vector<SkeletonElement> elements(2);
+  elements[0].a = elements[0].b = DVec3(-0.5, 0.0, 0.0);
+  elements[1].a = elements[1].b = DVec3(0.5, 0.1, 0.0);
+  const SkeletonField field(elements, 0.3);
+  ASSERT_EQ(std::fegetround(), FE_TONEAREST);
+  const IntervalSearch found = find_all_critical_points(field, {DVec3(-2.0), DVec3(2.0)}, {}, {.values = {-0.25, 2.0}});
+  const int mode = std::fegetround();
+  std::fesetround(FE_TONEAREST);
+  EXPECT_EQ(mode, FE_TONEAREST);
+  EXPECT_FALSE(found.points.empty());
 }
 
 TEST(IntervalSearch, refuses_what_it_cannot_bound) {

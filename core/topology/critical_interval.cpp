@@ -36,6 +36,11 @@ Real power(const Real& x, int n) {
   return bn::pow(x, n);
 }
 
+/// The library's median would leave the processor rounding upward, also outside the scope of an Upward.
+double middle(const Real& x) {
+  return 0.5 * (x.lower() + x.upper());
+}
+
 struct Slopes {  // first and second derivative of a potential by s = d^2
   Real first, second;
 };
@@ -131,16 +136,16 @@ Verdict krawczyk(const SkeletonField& field, RealBox& box) {
   RealBox grown;
   for (int i = 0; i < 3; ++i) grown[i] = bn::widen(box[i], kGrow * bn::width(box[i]));
   const RealMatrix h = bounds_over(field, grown).hessian;
-  DMat3 middle(0.0);
+  DMat3 center_hessian(0.0);
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) middle[j][i] = bn::median(h[kPacked[i][j]]);
-  const DMat3 inverse = glm::inverse(middle);
+    for (int j = 0; j < 3; ++j) center_hessian[j][i] = middle(h[kPacked[i][j]]);
+  const DMat3 inverse = glm::inverse(center_hessian);
   for (int i = 0; i < 3; ++i)
     if (!std::isfinite(inverse[i][0] + inverse[i][1] + inverse[i][2])) return Verdict::unknown;
   const Upward upward;
   RealBox center, offset, k;
   for (int i = 0; i < 3; ++i) {
-    center[i] = Real(bn::median(grown[i]));
+    center[i] = Real(middle(grown[i]));
     offset[i] = grown[i] - center[i];
   }
   const RealBox g = bounds_over(field, center).gradient;
@@ -200,9 +205,9 @@ private:
       return;
     }
     const Real side = box[widest];
-    box[widest] = Real(bn::median(side), side.upper());
+    box[widest] = Real(middle(side), side.upper());
     stack.push_back(box);
-    box[widest] = Real(side.lower(), bn::median(side));
+    box[widest] = Real(side.lower(), middle(side));
     stack.push_back(box);
   }
 
