@@ -283,8 +283,10 @@ void Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
   }
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
-  if (started_ && !evidence.certificate.passed) {
-    reskin(frame, evidence, report);
+  // First where the topology surely has to change, then wherever anything looks odd.
+  for (const bool wide : {false, true}) {
+    if (!started_ || evidence.certificate.passed) break;
+    reskin(frame, evidence, wide, report);
     certify(frame, evidence, report);
   }
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
@@ -309,10 +311,10 @@ void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& 
       isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
 }
 
-void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report) {
+void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
-  BadSiteOptions bad_options;
+  BadSiteOptions bad_options = wide ? options_.wide_sites : options_.sites;
   bad_options.tolerance = options_.tolerance;
   BadSites sites =
       find_bad_sites(mesh_, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_, bad_options);

@@ -10,6 +10,7 @@
 #include "core/backend.h"
 #include "core/mechanics/alter.h"
 #include "core/refine/refine.h"
+#include "core/topology/bad_sites.h"
 #include "core/topology/events.h"
 #include "core/topology/repair.h"
 #include "core/topology/reskin.h"
@@ -17,16 +18,19 @@
 namespace isoskin {
 
 struct TrackOptions {
-  double edge_length = 0.0;        // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
-  double lattice_spacing = 0.0;    // s of the certificate; 0: half a voxel, or e / 2
-  double tolerance = 0.0;          // corners farther than this must be on the right side; 0: one voxel, or e / 2
-  int rounds = 2;                  // alter + relax rounds of a frame
-  bool validate = false;           // check the manifold after every frame (always on in debug builds)
-  AlterOptions alter;              // edge_length and dt are filled in by resolved() and advance()
-  RelaxOptions relax;              // edge_length is filled in
-  ProjectOptions project;          // tolerance and max_step are filled in: 1e-4 e and e / 2
-  SettleOptions settle;            // how a freshly extracted surface becomes near-equilateral
-  ReskinOptions reskin;            // local repair; edge_length is filled in
+  double edge_length = 0.0;      // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
+  double lattice_spacing = 0.0;  // s of the certificate; 0: half a voxel, or e / 2
+  double tolerance = 0.0;        // corners farther than this must be on the right side; 0: one voxel, or e / 2
+  int rounds = 2;                // alter + relax rounds of a frame
+  bool validate = false;         // check the manifold after every frame (always on in debug builds)
+  AlterOptions alter;            // edge_length and dt are filled in by resolved() and advance()
+  RelaxOptions relax;            // edge_length is filled in
+  ProjectOptions project;        // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;          // how a freshly extracted surface becomes near-equilateral
+  BadSiteOptions sites;          // where a first local repair is made; tolerance is filled in
+  BadSiteOptions wide_sites{
+      .stray_vertex = 0.25, .stray_centre = 0.75, .strict = true};  // a second one, where it failed
+  ReskinOptions reskin;                                             // local repair; edge_length is filled in
   std::size_t small_piece = 100;   // failed pieces of at most so many vertices are replaced whole
   int reskin_collapse_passes = 3;  // alter() calls after a local repair, before its first relaxation
   int reskin_rounds = 4;           // relax + alter rounds after them
@@ -104,7 +108,7 @@ private:
   std::vector<std::uint8_t> inverted_triangles();
   void handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
-  void reskin(const FieldFrame& frame, const Evidence& evidence, FrameReport& report);
+  void reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report);
   void settle_new_skin();
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;

@@ -6,6 +6,8 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/topology/simple_point.h"
+
 namespace isoskin {
 namespace {
 
@@ -105,58 +107,62 @@ std::vector<Index> clusters_of(const std::vector<Corner>& corners) {
   return parent;
 }
 
-/// Change of the Euler characteristics of the mesh's inside set when the cluster's corners change sides.
-/// `joined`: voxels that touch at a corner hang together, else only across faces (both as cubical complexes).
-struct EulerChange {
-  int joined = 0, apart = 0;
+/// The mesh's sides in the box about a cluster, to be changed corner by corner.
+class LocalSides {
+public:
+  LocalSides(const std::vector<IVec3>& cluster, const Sides& sides) : low_(cluster.front()), high_(cluster.front()) {
+    for (const IVec3& c : cluster) {
+      low_ = glm::min(low_, c);
+      high_ = glm::max(high_, c);
+    }
+    low_ -= 1;
+    size_ = high_ + 2 - low_;
+    side_.assign(std::size_t(size_.x) * size_.y * size_.z, kUnread);
+    for (const IVec3& c : cluster)
+      for (int n = 0; n < 27; ++n) {
+        const IVec3 at = c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+        if (std::int8_t& side = side_[index(at)]; side == kUnread) side = sides.of_mesh(at) == Sides::inside;
+      }
+  }
+
+  void flip(const IVec3& c) { side_[index(c)] ^= 1; }
+
+  Neighbourhood around(const IVec3& c) const {
+    Neighbourhood mask = 0;
+    for (int n = 0; n < 27; ++n)
+      if (side_[index(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1))] == 1) mask |= 1u << n;
+    return mask;
+  }
+
+private:
+  static constexpr std::int8_t kUnread = -1;
+
+  std::size_t index(const IVec3& c) const {
+    const IVec3 d = c - low_;
+    return (std::size_t(d.x) * size_.y + d.y) * size_.z + d.z;
+  }
+
+  IVec3 low_, high_, size_{0};
+  std::vector<std::int8_t> side_;
 };
 
-EulerChange change_of(const std::vector<IVec3>& cluster, const Sides& sides) {
-  std::vector<std::uint64_t> flipped;
-  for (const IVec3& c : cluster) flipped.push_back(key_of(c));
-  const auto side_after = [&](const IVec3& c) {
-    const Sides::Side before = sides.of_mesh(c);
-    const bool flips = std::binary_search(flipped.begin(), flipped.end(), key_of(c));
-    return !flips || before == Sides::unknown ? before : before == Sides::inside ? Sides::outside : Sides::inside;
-  };
-  // Cells of the dual complex: blocks of 1 or 2 corners on each axis. In the joined complex a block of corners stands
-  // for a cell that is present when any of them is inside; in the other when all are. A block's dimension there is 3 -
-  // (number of doubled axes), here the number of doubled axes.
-  EulerChange change;
-  std::vector<std::pair<std::uint64_t, int>> blocks;
-  for (const IVec3& c : cluster)
-    for (int axes = 0; axes < 8; ++axes) {
-      const IVec3 wide(axes & 1, (axes >> 1) & 1, (axes >> 2) & 1);
-      for (int low = 0; low < 8; ++low) {
-        const IVec3 back(low & 1, (low >> 1) & 1, (low >> 2) & 1);
-        if (glm::any(glm::greaterThan(back, wide))) continue;
-        blocks.emplace_back(key_of(c - back), axes);
-      }
-    }
-  std::sort(blocks.begin(), blocks.end());
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-  for (const auto& [key, axes] : blocks) {
-    constexpr int kMask = (1 << 21) - 1, kOffset = 1 << 20;
-    const IVec3 low(int(key >> 42) - kOffset, int((key >> 21) & kMask) - kOffset, int(key & kMask) - kOffset);
-    int any_before = 0, any_after = 0, all_before = 1, all_after = 1;
-    bool known = true;
-    for (int corner = 0; corner < 8; ++corner) {
-      if ((corner & ~axes) != 0) continue;
-      const IVec3 at = low + IVec3(corner & 1, (corner >> 1) & 1, (corner >> 2) & 1);
-      const Sides::Side before = sides.of_mesh(at), after = side_after(at);
-      if (before == Sides::unknown) {
-        known = false;
-        break;
-      }
-      any_before |= before, any_after |= after;
-      all_before &= before, all_after &= after;
-    }
-    if (!known) continue;
-    const int sign = __builtin_popcount(unsigned(axes)) % 2 ? -1 : 1;
-    change.apart += sign * (all_after - all_before);
-    change.joined -= sign * (any_after - any_before);  // (-1)^(3-d) = -(-1)^d
+/// Flips the cluster's corners to the field's side as long as the flip is simple, in the given order, again and again;
+/// returns those that are left: where the topology has to change. `strict`: simple in both connectivities, not in one.
+std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides, bool strict) {
+  LocalSides local(cluster, sides);
+  std::vector<Index> left(cluster.size());
+  std::iota(left.begin(), left.end(), Index(0));
+  for (std::size_t before = left.size() + 1; left.size() < before;) {
+    before = left.size();
+    std::erase_if(left, [&](Index i) {
+      const Neighbourhood inside = local.around(cluster[i]);
+      const bool joined = is_simple(inside, false), apart = is_simple(inside, true);
+      const bool flips = strict ? joined && apart : joined || apart;
+      if (flips) local.flip(cluster[i]);
+      return flips;
+    });
   }
-  return change;
+  return left;
 }
 
 /// Distance estimates |F| / |grad F| at points, the slope kept above a tenth of what a distance has.
@@ -200,9 +206,12 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, c
   for (const Corner& c : corners) points.push_back(Vec3(lattice.point(c.at)));
   const std::vector<float> distance = distances(points, backend);
 
+  // Clusters as runs, corners nearest to the surface first: they are the ones a coarse mesh cuts.
   std::vector<Index> order(corners.size());
   std::iota(order.begin(), order.end(), Index(0));
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return cluster[a] < cluster[b]; });
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
+    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : distance[a] < distance[b];
+  });
   std::vector<std::pair<std::size_t, std::size_t>> runs;
   for (std::size_t i = 0, j; i < order.size(); i = j) {
     for (j = i; j < order.size() && cluster[order[j]] == cluster[order[i]]; ++j) {
@@ -210,22 +219,22 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, c
     runs.emplace_back(i, j);
   }
   const Sides sides(lattice, winding);
-  std::vector<std::uint8_t> bad(runs.size(), 0);
+  std::vector<std::uint8_t> bad(corners.size(), 0);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t r) {
+    const auto [begin, end] = runs[r];
     std::vector<IVec3> members;
-    for (std::size_t i = runs[r].first; i < runs[r].second; ++i) {
+    for (std::size_t i = begin; i < end; ++i) {
       const Corner& c = corners[order[i]];
       members.push_back(c.at);
-      bad[r] |= distance[order[i]] > options.tolerance || winding[c.slot] < 0 || winding[c.slot] > 1;
+      bad[order[i]] = distance[order[i]] > options.tolerance || winding[c.slot] < 0 || winding[c.slot] > 1;
     }
-    if (bad[r]) return;
-    const EulerChange change = change_of(members, sides);
-    bad[r] = change.joined != 0 || change.apart != 0;
+    for (const Index i : peel(members, sides, options.strict)) bad[order[begin + i]] = 1;
   });
-  for (std::size_t r = 0; r < runs.size(); ++r) {
-    if (!bad[r]) continue;
-    ++sites.clusters;
-    for (std::size_t i = runs[r].first; i < runs[r].second; ++i) sites.point.push_back(points[order[i]]);
+  for (const auto& [begin, end] : runs) {
+    const std::size_t before = sites.point.size();
+    for (std::size_t i = begin; i < end; ++i)
+      if (bad[order[i]]) sites.point.push_back(points[order[i]]);
+    sites.clusters += sites.point.size() > before;
   }
   add_strays(mesh.vertices.position, options.stray_vertex * options.tolerance, backend, sites);
   add_strays(centroids_of(mesh), options.stray_centre * options.tolerance, backend, sites);

@@ -9,22 +9,24 @@
 namespace isoskin {
 
 struct BadSiteOptions {
-  double tolerance = 1.0;      // corners with a larger distance estimate must be on the right side, world units
-  double stray_vertex = 0.25;  // a mesh vertex farther than this from the surface is bad, in units of the tolerance
-  double stray_centre = 0.75;  // the same of a triangle's centroid
+  double tolerance = 1.0;     // corners with a larger distance estimate must be on the right side, world units
+  double stray_vertex = 1.0;  // a mesh vertex farther than this from the surface is bad, in units of the tolerance
+  double stray_centre = 1.5;  // the same of a triangle's centroid
+  bool strict = false;        // a corner must be simple in both digital connectivities, not in one, to be passed over
 };
 
 struct BadSites {
-  std::vector<Vec3> point;   // in a fixed order
-  std::size_t clusters = 0;  // of lattice corners whose flip would change the topology or lie beyond the tolerance
-  std::size_t strays = 0;    // mesh vertices and centroids off the surface
+  std::vector<Vec3> point;  // in a fixed order
+  std::size_t clusters =
+      0;  // of lattice corners that cannot change sides without changing the topology, or lie beyond the tolerance
+  std::size_t strays = 0;  // mesh vertices and centroids off the surface
 };
 
 /// Corners whose side differs between mesh (`winding`, as winding_numbers gives it) and field are gathered into
-/// 26-connected clusters. A cluster is benign (the coarse mesh merely cuts corners) when flipping it changes neither
-/// Euler characteristic of the mesh's inside set, as 6- or as 26-connected voxels, and no corner of it lies beyond the
-/// tolerance; the corners of all others are bad sites. So are mesh vertices and centroids that are off the surface: a
-/// thread or film that the lattice is too coarse to see shows there. The backend must hold the field.
+/// 26-connected clusters and flipped to the field's side, nearest to the surface first, as long as the flip is simple
+/// (see simple_point.h): there the coarse mesh merely cuts corners. What is left is where the topology has to change;
+/// it is bad, as are corners beyond the tolerance, and mesh vertices and centroids off the surface: a thread or film
+/// that the lattice is too coarse to see shows there. The backend must hold the field.
 BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, const std::vector<std::int8_t>& winding,
                         Backend& backend, const BadSiteOptions& options);
 
