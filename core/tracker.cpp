@@ -323,8 +323,8 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool wid
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
   const std::size_t before = mesh_.vertex_count();
-  const ReskinReport done =
-      isoskin::reskin(mesh_, sites, evidence.lattice, evidence.topology, *backend_, reskin_options);
+  const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
+                                            evidence.topology, *backend_, reskin_options);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return;
   report.reextracted[1] += share_of_area(done.area);
   report.repairs += 1;

@@ -370,7 +370,7 @@ OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopolo
   });
   Triangulation soup = triangulate(
       lattice, t, [&](std::size_t b, Index) { return wanted_brick[b] != 0; }, std::move(vertex));
-  return {std::move(soup.position), std::move(soup.triangle)};
+  return {std::move(soup.position), std::move(soup.triangle), std::move(soup.piece)};
 }
 
 }  // namespace isoskin

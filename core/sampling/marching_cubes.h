@@ -64,6 +64,7 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
 struct OpenSurface {
   std::vector<Vec3> position;
   std::vector<Index> triangle;  // 3 a triangle
+  std::vector<Index> piece;     // per position: the piece of the LatticeTopology
 };
 
 /// The triangles of all patches in bricks b with wanted_brick[b] != 0, as marching_cubes makes them.

@@ -281,27 +281,29 @@ std::vector<std::uint8_t> flood(const Filling& filling, std::vector<Seam>& seams
   return inside;
 }
 
-/// Closed pieces of the filling that lie wholly where the mesh was emptied.
-void add_whole_pieces(const Filling& filling, const std::vector<std::uint8_t>& hot, std::vector<std::uint8_t>& inside) {
+/// Closed pieces of the filling that failed and that no seam has reached: those without a mesh, and those whose mesh
+/// was emptied.
+void add_whole_pieces(const Filling& filling, const Certificate& certificate, const std::vector<std::uint8_t>& hot,
+                      std::vector<std::uint8_t>& inside) {
   const auto& triangle = filling.surface.triangle;
   std::vector<std::uint8_t> seen = inside;
   for (Index start = 0; start < inside.size(); ++start) {
     if (seen[start]) continue;
     std::vector<Index> piece(1, start);
     seen[start] = 1;
-    bool whole = true;
+    bool whole = true, emptied = false;
     for (std::size_t i = 0; i < piece.size(); ++i)
       for (Index h = 3 * piece[i]; h < 3 * piece[i] + 3; ++h) {
         const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
         const Index t = filling.triangle(b, a);
-        whole &= t != kNone && hot[a];
-        if (t == kNone) continue;
-        whole &= !inside[t];
-        if (seen[t]) continue;
+        emptied |= hot[a];
+        whole &= t != kNone && !inside[t];
+        if (t == kNone || seen[t]) continue;
         seen[t] = 1;
         piece.push_back(t);
       }
-    if (whole)
+    const Fault fault = certificate.lattice_piece[filling.surface.piece[triangle[3 * start]]];
+    if (whole && (fault == Fault::missing || (fault != Fault::none && emptied)))
       for (const Index t : piece) inside[t] = 2;
   }
 }
@@ -429,8 +431,8 @@ struct Attempt {
 };
 
 Attempt attempt(const TriangleMesh& mesh, const MeshPieces& pieces, const std::set<Index>& spared,
-                const std::vector<Vec3>& bad, const BrickLattice& lattice, const LatticeTopology& topology,
-                Backend& backend, const ReskinOptions& options) {
+                const std::vector<Vec3>& bad, const Certificate& certificate, const BrickLattice& lattice,
+                const LatticeTopology& topology, Backend& backend, const ReskinOptions& options) {
   Attempt result;
   const float radius = float(options.radius * options.edge_length);
   const PointGrid grid(bad, radius);
@@ -462,7 +464,7 @@ Attempt attempt(const TriangleMesh& mesh, const MeshPieces& pieces, const std::s
 
   std::vector<std::uint8_t> hot_filling(filling.surface.position.size());
   for (Index v = 0; v < hot_filling.size(); ++v) hot_filling[v] = grid.any_near(filling.surface.position[v]);
-  add_whole_pieces(filling, hot_filling, inside);
+  add_whole_pieces(filling, certificate, hot_filling, inside);
 
   Welder welder(mesh, removed, seams, filling, inside, snapped);
   result.report.first_new_vertex = welder.first_new_vertex();
@@ -491,15 +493,18 @@ double area_of_new(const TriangleMesh& mesh, Index first_new, std::size_t& trian
 
 }  // namespace
 
-ReskinReport reskin(TriangleMesh& mesh, const BadSites& sites, const BrickLattice& lattice,
-                    const LatticeTopology& topology, Backend& backend, const ReskinOptions& options) {
-  const MeshPieces pieces = mesh_pieces(mesh);
+ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
+                    const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
+                    const ReskinOptions& options) {
   std::vector<Vec3> bad = sites.point;
   std::set<Index> spared;
+  for (Index p = 0; p < pieces.count(); ++p)
+    if (certificate.mesh_piece[p] == Fault::none) spared.insert(p);
+  const std::size_t passed = spared.size();
   ReskinReport report;
   report.first_new_vertex = Index(mesh.vertex_count());
   for (int growth = 0; !bad.empty();) {
-    Attempt tried = attempt(mesh, pieces, spared, bad, lattice, topology, backend, options);
+    Attempt tried = attempt(mesh, pieces, spared, bad, certificate, lattice, topology, backend, options);
     if (tried.mesh) {
       report = tried.report;
       const TriangleMesh old = std::move(mesh);
@@ -519,7 +524,7 @@ ReskinReport reskin(TriangleMesh& mesh, const BadSites& sites, const BrickLattic
     bad = sites.point;
     growth = 0;
   }
-  report.pieces_given_up = spared.size();
+  report.pieces_given_up = spared.size() - passed;
   return report;
 }
 

@@ -8,12 +8,13 @@
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/bad_sites.h"
+#include "core/topology/certificate.h"
 
 namespace isoskin {
 
 struct ReskinOptions {
   double edge_length = 1.0;  // e, world units
-  double radius = 1.5;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
+  double radius = 1.0;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
   double margin = 2.5;       // how far beyond the emptied region the lattice's surface is built, in units of e
   int growths = 4;           // times a region whose seam fails is grown by `radius` before its piece is given up
 };
@@ -27,13 +28,15 @@ struct ReskinReport {
   Index first_new_vertex = 0;       // vertices from here on are new: age 1, rest and velocity from the old surface
 };
 
-/// Empties the neighbourhood of `sites`, cuts the lattice's surface along paths between the vertices of the borders
-/// that remain (each border vertex snapped to the nearest lattice vertex of the same side, neighbours joined by
-/// shortest paths), keeps the part that faces the hole and welds it. Pieces of the lattice's surface that lie wholly in
-/// emptied space are added, emptied pieces of mesh are not. The result is a closed, oriented 2-manifold; vertices that
-/// stay are not moved and keep their ids and their order. Dense where new: alter() and relax() make it
-/// near-equilateral. The backend must hold the field. Deterministic.
-ReskinReport reskin(TriangleMesh& mesh, const BadSites& sites, const BrickLattice& lattice,
-                    const LatticeTopology& topology, Backend& backend, const ReskinOptions& options);
+/// Empties the neighbourhood of `sites` on the pieces that failed the certificate, cuts the lattice's surface along
+/// paths between the vertices of the borders that remain (each border vertex snapped to the nearest lattice vertex of
+/// the same side, neighbours joined by shortest paths), keeps the part that faces the hole and welds it. Closed pieces
+/// of the lattice's surface that failed and have no mesh any more are added, emptied pieces of mesh are not; pieces
+/// that passed are not touched. The result is a closed, oriented 2-manifold; vertices that stay are not moved and keep
+/// their ids and their order. Dense where new: alter() and relax() make it near-equilateral. The backend must hold the
+/// field. Deterministic.
+ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
+                    const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
+                    const ReskinOptions& options);
 
 }  // namespace isoskin
