@@ -9,6 +9,7 @@
 #include "render/rasterize.h"
 #include "render/raytrace.h"
 #include "render/shade.h"
+#include "render/shadow.h"
 
 namespace isoskin {
 namespace {
@@ -147,6 +148,7 @@ Image shaded(const RenderCommand& command, const Subject& subject, const Camera&
   if (command.shading == "checker") options.pattern = Pattern::checker;
   if (command.shading == "noise") options.pattern = Pattern::noise;
   if (command.wireframe) options.wire_width = kWireWidth * command.antialias;
+  if (command.what == "mesh") add_shadows(image, subject.mesh, camera);
   shade(image, camera, options);
   image.unit = float(subject.unit);
   image.depth_tolerance = float(subject.depth_tolerance);
