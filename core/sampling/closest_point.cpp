@@ -130,12 +130,17 @@ struct ClosestPoint::Tree {
 
   void look_at(std::size_t k, const DVec3& p, const DVec3& side, Best& best) const {
     const DVec3 a(corner[k][0]), b(corner[k][1]), c(corner[k][2]);
-    if (side != DVec3(0.0) && glm::dot(glm::cross(b - a, c - a), side) < 0.0) return;
+    if (side != DVec3(0.0) && points_against(k, side)) return;
     const DVec3 w = nearest_weights(p, a, b, c);
     const DVec3 d = w.x * a + w.y * b + w.z * c - p;
     const double squared = glm::dot(d, d);
     if (squared < best.squared || (squared == best.squared && triangle[k] < best.triangle))
       best = {k, triangle[k], w, squared};
+  }
+
+  bool points_against(std::size_t k, const DVec3& side) const {
+    const DVec3 a(corner[k][0]), b(corner[k][1]), c(corner[k][2]);
+    return glm::dot(glm::cross(b - a, c - a), side) < 0.0;
   }
 
   /// Nearest triangle that does not point against `side`, no farther than sqrt(most).
@@ -169,10 +174,13 @@ ClosestPoint::~ClosestPoint() = default;
 SurfacePoint ClosestPoint::nearest(const Vec3& p, const Vec3& side, float max_distance) const {
   constexpr double kAnywhere = std::numeric_limits<double>::infinity();
   const DVec3 from(p);
-  Tree::Best best;
-  if (side != Vec3(0.0f)) best = tree_->search(from, DVec3(side), double(max_distance) * max_distance);
-  if (best.triangle == kNone) best = tree_->search(from, DVec3(0.0), kAnywhere);
+  // The nearest of all is nearly always on the right side, and much sooner found.
+  Tree::Best best = tree_->search(from, DVec3(0.0), kAnywhere);
   if (best.triangle == kNone) return {};
+  if (side != Vec3(0.0f) && tree_->points_against(best.at, DVec3(side))) {
+    const Tree::Best agreeing = tree_->search(from, DVec3(side), double(max_distance) * max_distance);
+    if (agreeing.triangle != kNone) best = agreeing;
+  }
   return {best.triangle, Vec3(best.weight), static_cast<float>(std::sqrt(best.squared))};
 }
 
@@ -183,9 +191,12 @@ void carry_attributes(TriangleMesh& mesh, Index first, const TriangleMesh& old, 
   std::vector<Vec3> gradients(points.size());
   backend.evaluate(points, values, gradients);
   const ClosestPoint closest(old);
+  // Farther than this the other side of a near sheet is the better guess.
+  constexpr double kReachInEdges = 8.0;
+  const float reach = static_cast<float>(kReachInEdges * shape_statistics(old).mean_edge);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
-      const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))));
+      const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))), reach);
       if (at.triangle == kNone) continue;  // not a finite point
       Vec3 rest(0.0f), velocity(0.0f);
       for (int k = 0; k < 3; ++k) {

@@ -33,8 +33,8 @@ private:
   std::unique_ptr<Tree> tree_;
 };
 
-/// Fills rest and velocity of vertices [first, vertex_count) of `mesh` from the nearest points of `old` (sides agree).
-/// With `old` empty the vertices keep what they have.
+/// Fills rest and velocity of vertices [first, vertex_count) of `mesh` from the nearest points of `old` (sides agree,
+/// within eight mean edges). With `old` empty the vertices keep what they have.
 void carry_attributes(TriangleMesh& mesh, Index first, const TriangleMesh& old, Backend& backend);
 
 }  // namespace isoskin

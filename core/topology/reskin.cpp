@@ -7,9 +7,11 @@
 #include <optional>
 #include <queue>
 #include <set>
+#include <span>
 #include <unordered_map>
 
 #include "core/mesh/validate.h"
+#include "core/parallel.h"
 #include "core/sampling/closest_point.h"
 
 namespace isoskin {
@@ -69,13 +71,19 @@ std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backen
 struct Filling {
   OpenSurface surface;
   std::vector<Vec3> normal;
-  std::vector<std::vector<std::pair<Index, float>>> neighbours;   // per vertex: (vertex, edge length), ascending
-  std::unordered_map<std::uint64_t, Index> triangle_of_halfedge;  // (from, to) -> triangle
+  std::vector<Index> first;  // per vertex: its edges in `edge`, CSR with gaps: count[v] are used
+  std::vector<Index> count;
+  struct Edge {
+    Index to, triangle;  // the triangle with the halfedge to `to`; kNone on the outside of the filling's border
+    bool operator<(const Edge& other) const { return to != other.to ? to < other.to : triangle < other.triangle; }
+  };
+  std::vector<Edge> edge;
 
-  static std::uint64_t edge(Index from, Index to) { return (std::uint64_t(from) << 32) | to; }
+  std::span<const Edge> edges(Index v) const { return {edge.data() + first[v], count[v]}; }
   Index triangle(Index from, Index to) const {
-    const auto it = triangle_of_halfedge.find(edge(from, to));
-    return it == triangle_of_halfedge.end() ? kNone : it->second;
+    for (const Edge& e : edges(from))
+      if (e.to == to) return e.triangle;
+    return kNone;
   }
 };
 
@@ -84,20 +92,31 @@ Filling make_filling(OpenSurface surface, Backend& backend) {
   filling.surface = std::move(surface);
   const auto& s = filling.surface;
   filling.normal = field_normals(s.position, backend);
-  filling.neighbours.resize(s.position.size());
-  filling.triangle_of_halfedge.reserve(s.triangle.size());
+  filling.first.assign(s.position.size() + 1, 0);
+  for (const Index v : s.triangle) filling.first[v] += 2;  // each halfedge is seen from both of its ends
+  Index sum = 0;
+  for (Index& f : filling.first) sum += std::exchange(f, sum);
+  filling.edge.resize(sum);
+  filling.count.assign(s.position.size(), 0);
+  const auto add = [&](Index from, Index to, Index triangle) {
+    filling.edge[filling.first[from] + filling.count[from]++] = {to, triangle};
+  };
   for (Index h = 0; h < s.triangle.size(); ++h) {
     const Index a = s.triangle[h], b = s.triangle[TriangleMesh::next(h)];
-    filling.triangle_of_halfedge[Filling::edge(a, b)] = h / 3;
-    const float length = glm::length(s.position[b] - s.position[a]);
-    filling.neighbours[a].emplace_back(b, length);
-    filling.neighbours[b].emplace_back(a, length);
+    add(a, b, h / 3);
+    add(b, a, kNone);
   }
-  for (auto& list : filling.neighbours) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
-  }
+  for_each_index(s.position.size(), [&](std::size_t v) {
+    const auto begin = filling.edge.begin() + filling.first[v], end = begin + filling.count[v];
+    std::sort(begin, end);  // a triangle comes before kNone
+    filling.count[v] =
+        Index(std::unique(begin, end, [](const auto& p, const auto& q) { return p.to == q.to; }) - begin);
+  });
   return filling;
+}
+
+std::uint64_t directed(Index from, Index to) {
+  return (std::uint64_t(from) << 32) | to;
 }
 
 /// A border of the emptied region, as halfedges of removed triangles: the hole lies to their left.
@@ -203,10 +222,10 @@ std::vector<Index> shortest_path(const Filling& filling, Index a, Index b, const
       std::reverse(path.begin(), path.end());
       return path;
     }
-    for (const auto& [next, length] : filling.neighbours[v]) {
+    for (const auto& [next, triangle] : filling.edges(v)) {
       if (came_from.count(next) || (used[next] && next != b)) continue;
       if (glm::length(position[next] - from) + glm::length(position[next] - to) > straight + slack) continue;
-      open.emplace(cost + length + off_line(next), next, v);
+      open.emplace(cost + glm::length(position[next] - position[v]) + off_line(next), next, v);
     }
   }
   return {};
@@ -235,10 +254,14 @@ std::vector<std::uint8_t> flood(const Filling& filling, std::vector<Seam>& seams
   const auto& triangle = filling.surface.triangle;
   const std::size_t count = triangle.size() / 3;
   std::unordered_map<std::uint64_t, Index> barrier;  // directed path edge -> seam
+  std::vector<std::uint8_t> on_path(filling.surface.position.size(), 0);
   for (Index s = 0; s < seams.size(); ++s)
     if (!seams[s].failed)
       for (const auto& path : seams[s].path)
-        for (std::size_t i = 0; i + 1 < path.size(); ++i) barrier[Filling::edge(path[i], path[i + 1])] = s;
+        for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+          barrier[directed(path[i], path[i + 1])] = s;
+          on_path[path[i]] = on_path[path[i + 1]] = 1;
+        }
 
   std::vector<std::uint8_t> inside(count, 0);
   for (Index s = 0; s < seams.size(); ++s) {
@@ -262,14 +285,16 @@ std::vector<std::uint8_t> flood(const Filling& filling, std::vector<Seam>& seams
       stack.pop_back();
       for (Index h = 3 * t; h < 3 * t + 3; ++h) {
         const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
-        if (const auto own = barrier.find(Filling::edge(a, b)); own != barrier.end()) {
-          touched.insert(own->second);
-          continue;
-        }
-        if (const auto other = barrier.find(Filling::edge(b, a)); other != barrier.end()) {
-          touched.insert(other->second);  // came out on the wrong side of a seam
-          leaks = true;
-          continue;
+        if (on_path[a] && on_path[b]) {
+          if (const auto own = barrier.find(directed(a, b)); own != barrier.end()) {
+            touched.insert(own->second);
+            continue;
+          }
+          if (const auto other = barrier.find(directed(b, a)); other != barrier.end()) {
+            touched.insert(other->second);  // came out on the wrong side of a seam
+            leaks = true;
+            continue;
+          }
         }
         enter(filling.triangle(b, a));
       }
