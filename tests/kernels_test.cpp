@@ -378,8 +378,8 @@ struct Soup {  // unconnected triangles as a resident mesh
   std::vector<Vec3> slots(const opencl::Elements& elements) const {
     std::vector<float> raw(elements.slots().size());
     const_cast<opencl::Array<float>&>(elements.slots()).read(raw);
-    std::vector<Vec3> result(raw.size() / 3);
-    std::memcpy(result.data(), raw.data(), raw.size() * sizeof(float));
+    std::vector<Vec3> result;
+    for (std::size_t i = 0; i + 2 < raw.size(); i += 3) result.emplace_back(raw[i], raw[i + 1], raw[i + 2]);
     return result;
   }
 };
