@@ -12,6 +12,7 @@
 #include "core/parallel.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/droplets.h"
+#include "core/topology/thin_features.h"
 #include "core/trace.h"
 
 namespace isoskin {
@@ -172,19 +173,42 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
   return report;
 }
 
-/// Tier 1, while the mesh still lies on the last frame's surface.
+/// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
+/// skin follows the field to a moment between them first.
 void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
   ledger_.clear();
   if (!last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) return;
-  Step step(report, "surgery");
-  const auto begin = Clock::now();
   const EventOptions options = event_options(options_.edge_length);
   if (critical_.field != last_field_) {  // the second frame, or the first of a run that is resumed
+    Step step(report, "surgery");
     backend_->set_field(last_field_);
     critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
     backend_->set_field(frame.field);
   }
-  const EventReport done = handle_critical_events(mesh_, critical_, frame.field, *backend_, options);
+  for (int part = 1;; ++part) {
+    const EventPlan plan = plan_events(frame.field, report);
+    const auto cut = part < options_.most_parts ? time_between_events(plan, options) : std::nullopt;
+    const auto between = cut ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
+    if (!between) return operate_on(plan, frame, report);
+    backend_->set_field(between);
+    operate_on(plan_events(between, report), frame, report);
+    backend_->project(mesh_.vertices.position, options_.project, {});
+    grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
+    relax(report);
+    backend_->set_field(frame.field);
+  }
+}
+
+EventPlan Tracker::plan_events(const std::shared_ptr<const Field>& field, FrameReport& report) {
+  Step step(report, "surgery");
+  return plan_critical_events(mesh_, critical_, field, *backend_, event_options(options_.edge_length));
+}
+
+/// The plan's events, with their ledger.
+void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report) {
+  Step step(report, "surgery");
+  const auto begin = Clock::now();
+  const EventReport done = operate_on_critical_events(mesh_, critical_, plan, event_options(options_.edge_length));
   const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
   for (const CriticalEvent& event : done.events)
     if (event.done) ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
@@ -245,6 +269,7 @@ void Tracker::relax(FrameReport& report) {
   for (int round = 0; round < options_.rounds; ++round) {
     {
       Step step(report, "alter");
+      for (const Index v : held_vertices()) mesh_.vertices.age[v] = 0;
       alter(mesh_, options_.alter, inverted);
     }
     Step step(report, "relax");
@@ -259,14 +284,25 @@ RelaxReport Tracker::relax_once() {
   const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
   const auto positions = backend_->positions();
   std::vector<Vec3> moved(positions.begin(), positions.end());
-  hold_small_pieces(moved);
+  hold(moved);
   mesh_.vertices.position = std::move(moved);
   return relaxed;
 }
 
-/// Small pieces are projected instead.
-void Tracker::hold_small_pieces(std::vector<Vec3>& moved) {
-  const std::vector<Index> held = small_piece_vertices(mesh_);
+/// Vertices that are only projected: elements of edge e do not fit where they are.
+std::vector<Index> Tracker::held_vertices() const {
+  std::vector<Index> held = small_piece_vertices(mesh_);
+  ThinOptions thin;
+  thin.edge_length = options_.edge_length;
+  const std::vector<Index> necks = thin_feature_vertices(mesh_, critical_.points, thin);
+  std::vector<Index> both;
+  std::set_union(held.begin(), held.end(), necks.begin(), necks.end(), std::back_inserter(both));
+  return both;
+}
+
+/// Held vertices are projected from where they were instead.
+void Tracker::hold(std::vector<Vec3>& moved) {
+  const std::vector<Index> held = held_vertices();
   if (held.empty()) return;
   std::vector<Vec3> position;
   for (const Index v : held) position.push_back(mesh_.position(v));

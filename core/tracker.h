@@ -22,6 +22,7 @@ struct TrackOptions {
   double lattice_spacing = 0.0;  // s of the certificate; 0: half a voxel, or e / 2
   double tolerance = 0.0;        // corners farther than this must be on the right side; 0: one voxel, or e / 2
   int rounds = 2;                // alter + relax rounds of a frame
+  int most_parts = 8;            // parts a frame is cut in where topology events are too near to each other
   bool validate = false;         // check the manifold after every frame (always on in debug builds)
   AlterOptions alter;            // edge_length and dt are filled in by resolved() and advance()
   RelaxOptions relax;            // edge_length is filled in
@@ -98,13 +99,16 @@ private:
   };
 
   void operate(const FieldFrame& frame, FrameReport& report);
+  EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
+  void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
   void predict(const FieldFrame& frame);
   void set_velocities(const FieldFrame& frame, const std::vector<Vec3>& old, const std::vector<ProjectStatus>& status,
                       double dt);
   void project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status);
   void relax(FrameReport& report);
   RelaxReport relax_once();
-  void hold_small_pieces(std::vector<Vec3>& moved);
+  std::vector<Index> held_vertices() const;
+  void hold(std::vector<Vec3>& moved);
   std::vector<std::uint8_t> inverted_triangles();
   void handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);

@@ -125,29 +125,73 @@ CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<co
   return state;
 }
 
-EventReport handle_critical_events(TriangleMesh& mesh, CriticalState& state, std::shared_ptr<const Field> field,
-                                   Backend& backend, const EventOptions& options) {
-  EventReport report;
-  if (!state.field) return report;
+EventPlan plan_critical_events(const TriangleMesh& mesh, const CriticalState& state, std::shared_ptr<const Field> field,
+                               Backend& backend, const EventOptions& options) {
   const CriticalSearch found =
       find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical);
-  const CriticalTracking tracking =
-      track(state.points, found.points, *state.field, *field, options.critical, options.tracking);
-  for (const CriticalPath& path : crossings_of(tracking)) {
-    report.events.push_back(operate(mesh, path, *field, options.surgery));
+  EventPlan plan;
+  plan.tracking = track(state.points, found.points, *state.field, *field, options.critical, options.tracking);
+  plan.crossings = crossings_of(plan.tracking);
+  plan.degenerate = found.degenerate;
+  plan.field = std::move(field);
+  return plan;
+}
+
+std::optional<double> time_between_events(const EventPlan& plan, const EventOptions& options) {
+  const double separation = options.separation * options.critical.edge_length;
+  for (std::size_t later = 1; later < plan.crossings.size(); ++later) {
+    const CriticalPath &event = plan.crossings[later], &last = plan.crossings[later - 1];
+    const bool meets = std::any_of(
+        plan.crossings.begin(), plan.crossings.begin() + std::ptrdiff_t(later), [&](const CriticalPath& earlier) {
+          return glm::distance(earlier.crossing->position, event.crossing->position) < separation;
+        });
+    if (!meets) continue;
+    const double between = 0.5 * (last.crossing_time + event.crossing_time);
+    const bool possible = event.crossing_time - last.crossing_time > 2.0 * options.shortest_part &&
+                          between > options.shortest_part && between < 1.0 - options.shortest_part;
+    if (possible) return between;
+  }
+  return std::nullopt;
+}
+
+std::shared_ptr<const Field> field_between(const Field& before, const Field& after, double s) {
+  const auto* a = dynamic_cast<const SkeletonField*>(&before);
+  const auto* b = dynamic_cast<const SkeletonField*>(&after);
+  if (!a || !b) return nullptr;
+  std::vector<SkeletonElement> elements = a->elements();
+  for (SkeletonElement& e : elements) e.weight *= 1.0 - s;
+  for (SkeletonElement e : b->elements()) {
+    e.weight *= s;
+    elements.push_back(e);
+  }
+  return std::make_shared<SkeletonField>(std::move(elements), (1.0 - s) * a->iso() + s * b->iso());
+}
+
+EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state, const EventPlan& plan,
+                                       const EventOptions& options) {
+  EventReport report;
+  for (const CriticalPath& path : plan.crossings) {
+    report.events.push_back(operate(mesh, path, *plan.field, options.surgery));
     ++(report.events.back().done ? report.done : report.left_over);
   }
   state.points.clear();
-  for (const CriticalPath& path : tracking.paths)
+  for (const CriticalPath& path : plan.tracking.paths)
     if (path.exists_after()) state.points.push_back(path.last);
   merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
-  state.points = rastered(state.points, *field, options.critical);
-  state.field = std::move(field);
+  state.points = rastered(state.points, *plan.field, options.critical);
+  state.field = plan.field;
   report.critical_points = state.points.size();
-  report.degenerate = found.degenerate;
-  report.born = tracking.born;
-  report.died = tracking.died;
+  report.degenerate = plan.degenerate;
+  report.born = plan.tracking.born;
+  report.died = plan.tracking.died;
   return report;
+}
+
+EventReport handle_critical_events(TriangleMesh& mesh, CriticalState& state, std::shared_ptr<const Field> field,
+                                   Backend& backend, const EventOptions& options) {
+  if (!state.field) return {};
+  return operate_on_critical_events(mesh, state, plan_critical_events(mesh, state, std::move(field), backend, options),
+                                    options);
 }
 
 }  // namespace isoskin

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,8 @@ struct EventOptions {
   CriticalOptions critical;  // edge_length is e in all three
   TrackingOptions tracking;
   SurgeryOptions surgery;
+  double separation = 6.0;      // events nearer to each other than this are kept apart in time; units of e
+  double shortest_part = 1e-3;  // but no part of a frame is shorter than this share of it
   std::size_t complete_elements =
       64;  // the first frame of a skeleton of at most this many points is searched completely
   std::size_t complete_boxes = 150'000;  // and that search ends after so many boxes
@@ -56,11 +59,34 @@ std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, 
 CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<const Field> field, Backend& backend,
                                     const EventOptions& options);
 
-/// Operates on `mesh`, which lies on state.field, for every event between that field and `field`, the backend's current
-/// one; the mesh then has the topology of `field` but still lies where it was, new vertices apart. Events are taken in
-/// order of their crossing (ties: of position). An event whose operation refuses is left over: the mesh is as the
-/// others made it, and the certificate and local repair take it from there. Updates `state`. Does nothing without a
-/// state. Deterministic.
+/// The events between state.field and a later field, found but not operated on.
+struct EventPlan {
+  std::shared_ptr<const Field> field;  // the later one
+  CriticalTracking tracking;
+  std::vector<CriticalPath> crossings;  // in order of their time (ties: of position)
+  std::size_t degenerate = 0;
+};
+
+/// Finds them. `field` must be the backend's current one; `mesh` lies on state.field, which is not null.
+EventPlan plan_critical_events(const TriangleMesh& mesh, const CriticalState& state, std::shared_ptr<const Field> field,
+                               Backend& backend, const EventOptions& options);
+
+/// Where to cut the frame in two, as a share of it, so that no two events of its first part are nearer to each other
+/// than options.separation: each would be operated on a mesh that does not show the other yet. Nothing when all are
+/// far apart or simultaneous.
+std::optional<double> time_between_events(const EventPlan& plan, const EventOptions& options);
+
+/// The field at the share s from `before` to `after`, along the way that critical points are tracked. Null when it
+/// cannot be made as a field that backends know: both must be skeletons.
+std::shared_ptr<const Field> field_between(const Field& before, const Field& after, double s);
+
+/// Operates on `mesh` for every crossing of the plan; the mesh then has the topology of plan.field but still lies where
+/// it was, new vertices apart. An event whose operation refuses is left over: the mesh is as the others made it, and
+/// the certificate and local repair take it from there. Moves `state` to plan.field. Deterministic.
+EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state, const EventPlan& plan,
+                                       const EventOptions& options);
+
+/// Plans and operates at once. Does nothing without a state.
 EventReport handle_critical_events(TriangleMesh& mesh, CriticalState& state, std::shared_ptr<const Field> field,
                                    Backend& backend, const EventOptions& options);
 

@@ -21,6 +21,11 @@ public:
   void add_triangle(Index a, Index b, Index c);
   void remove(const std::vector<Index>& triangles);
 
+  /// Of a vertex of the mesh or a new one.
+  DVec3 position(const TriangleMesh& mesh, Index v) const {
+    return v < first_new_ ? DVec3(mesh.position(v)) : vertices_[v - first_new_].position;
+  }
+
   std::size_t vertices_added() const { return vertices_.size(); }
   std::size_t triangles_added() const { return triangles_.size(); }
   std::size_t triangles_removed() const { return removed_.size(); }

@@ -16,6 +16,7 @@ struct SurgeryOptions {
   double reach = 12.0;       // triangles and new vertices are looked for no farther from the critical point; units of e
   double search = 2.0;  // a gap or a small piece the critical point is not inside of may be this far away; units of e
   double widest_disc = 3.0;      // radius of the discs that a tube replaces, at most; units of e
+  double least_disc = 0.5;       // and at least; units of e
   double least_ring = 0.05;      // radius of a new tube's waist, at least; units of e
   double fall_back_ring = 0.25;  // the same where the field does not tell it; units of e
 };

@@ -1,6 +1,7 @@
 // Two sheets that face each other across a saddle are joined by a tube.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 #include <set>
@@ -13,8 +14,20 @@
 namespace isoskin::surgery {
 namespace {
 
+/// True when the field to follow fills the line between two hits, moved along with the critical point, which is the
+/// last to be filled on its axis.
+bool is_bridged(const LineHit& first, const LineHit& second, const Theatre& theatre) {
+  if (theatre.filled(theatre.site.after.position) <= 0.0) return true;  // gone again: the field says nothing
+  constexpr int kProbes = 16;
+  for (int i = 0; i < kProbes; ++i) {
+    const double t = glm::mix(first.distance, second.distance, (i + 0.5) / kProbes);
+    if (theatre.filled(theatre.site.after.position + t * theatre.axis_after()) <= 0.0) return false;
+  }
+  return true;
+}
+
 /// The two hits on both sides of the gap at the critical point: the line leaves matter at the first and enters it again
-/// at the second. The gap that holds the point, else the nearest one within `search`.
+/// at the second, and the gap is bridged. The gap that holds the point, else the nearest one within `search`.
 std::optional<std::pair<LineHit, LineHit>> gap_along(const TriangleMesh& mesh, const Theatre& theatre) {
   const auto hits = line_hits(mesh, theatre.site.before.position, theatre.axis_before(), theatre.reach());
   const bool leaving = theatre.matter == Matter::solid;
@@ -23,26 +36,30 @@ std::optional<std::pair<LineHit, LineHit>> gap_along(const TriangleMesh& mesh, c
   for (std::size_t i = 0; i + 1 < hits.size(); ++i) {
     if (hits[i].along != leaving || hits[i + 1].along == leaving) continue;
     const double away = std::max({hits[i].distance, -hits[i + 1].distance, 0.0});
-    if (away <= least && (!best || away < least)) {
-      best = {hits[i], hits[i + 1]};
-      least = away;
-    }
+    if (away > least || (best && away == least) || !is_bridged(hits[i], hits[i + 1], theatre)) continue;
+    best = {hits[i], hits[i + 1]};
+    least = away;
   }
   return best;
 }
 
-/// Radius of the waist of the new tube in `count` directions about the axis.
+/// Distances from the critical point to the waist of the new tube, in `count` directions about the axis. Where the tube
+/// has no side there, or a far one, because what it joins meets anew beside it, the median stands in.
 std::vector<double> waist(const Theatre& theatre, int count) {
+  constexpr double kFar = 3.0;  // medians
   const auto [u, v] = theatre.across_after();
-  const double least = theatre.options.least_ring * theatre.e();
-  const double unknown = theatre.options.fall_back_ring * theatre.e();
   const bool open = theatre.filled(theatre.site.after.position) > 0.0;
-  std::vector<double> radius;
-  for (int i = 0; i < count; ++i) {
+  std::vector<double> radius(std::size_t(count), std::numeric_limits<double>::infinity());
+  for (int i = 0; open && i < count; ++i) {
     const double angle = 2.0 * std::numbers::pi * i / count;
-    const auto distance = open ? theatre.surface_along(std::cos(angle) * u + std::sin(angle) * v) : std::nullopt;
-    radius.push_back(std::max(least, distance.value_or(unknown)));
+    radius[i] = theatre.surface_along(std::cos(angle) * u + std::sin(angle) * v).value_or(radius[i]);
   }
+  std::vector<double> sorted = radius;
+  std::sort(sorted.begin(), sorted.end());
+  double median = sorted[(sorted.size() - 1) / 2];
+  if (!std::isfinite(median)) median = theatre.options.fall_back_ring * theatre.e();
+  const double least = theatre.options.least_ring * theatre.e();
+  for (double& r : radius) r = std::max(least, r <= kFar * median ? r : median);
   return radius;
 }
 
@@ -118,12 +135,12 @@ bool share_a_vertex(const TriangleMesh& mesh, const std::vector<Index>& a, const
   });
 }
 
-/// Where the vertex will be once it has been projected onto the field to follow.
-DVec3 settled_position(const TriangleMesh& mesh, const Theatre& theatre, Index v) {
+/// Where a vertex will be once it has been projected onto the field to follow.
+DVec3 settled_position(const Theatre& theatre, const DVec3& p) {
   ProjectOptions project;
   project.tolerance = float(1e-3 * theatre.e());
   project.max_step = float(0.5 * theatre.e());
-  return project_point(theatre.field, DVec3(mesh.position(v)), project).point;
+  return project_point(theatre.field, p, project).point;
 }
 
 /// The hit triangle and what touches the new tube's inside: triangles with a corner nearer to the axis than `radius`.
@@ -140,32 +157,50 @@ std::vector<Index> disc_about(const TriangleMesh& mesh, const Theatre& theatre, 
   });
 }
 
+/// Cuts a smaller triangle out of the middle of a triangle with corners `outer`, for sheets so near that their
+/// triangles share a vertex: the window's corners are its own. Returns them in the same order.
+Loop window_in(const TriangleMesh& mesh, MeshPatch& patch, const Loop& outer) {
+  DVec3 middle(0.0);
+  for (const Index v : outer) middle += DVec3(mesh.position(v)) / double(outer.size());
+  Loop inner;
+  for (const Index v : outer) inner.push_back(patch.add_vertex(0.5 * (DVec3(mesh.position(v)) + middle), {v}));
+  for (std::size_t k = 0; k < outer.size(); ++k) {
+    const std::size_t next = (k + 1) % outer.size();
+    patch.add_triangle(outer[k], outer[next], inner[next]);
+    patch.add_triangle(outer[k], inner[next], inner[k]);
+  }
+  return inner;
+}
+
 }  // namespace
 
 SurgeryReport join(TriangleMesh& mesh, const Theatre& theatre) {
   const auto gap = gap_along(mesh, theatre);
   if (!gap) return refused("no two sheets face each other across the critical point");
-  constexpr int kProbes = 8, kMost = 48;
+  constexpr int kProbes = 8, kLeast = 6, kMost = 48;
   const std::vector<double> probe = waist(theatre, kProbes);
   const double radius = std::accumulate(probe.begin(), probe.end(), 0.0) / kProbes;
-  const double disc_radius = std::min(radius, theatre.options.widest_disc * theatre.e());
-
+  MeshPatch patch(mesh);
   std::vector<Index> disc[2];
+  const double disc_radius =
+      std::clamp(radius, theatre.options.least_disc * theatre.e(), theatre.options.widest_disc * theatre.e());
   for (const double r : {disc_radius, 0.0}) {
     disc[0] = disc_about(mesh, theatre, gap->first.triangle, r);
     disc[1] = disc_about(mesh, theatre, gap->second.triangle, r);
     if (!share_a_vertex(mesh, disc[0], disc[1])) break;
   }
-  if (share_a_vertex(mesh, disc[0], disc[1])) return refused("the two sheets share a vertex");
-
+  const bool touching = share_a_vertex(mesh, disc[0], disc[1]);
   Loop loop[2];
-  for (int side = 0; side < 2; ++side) loop[side] = vertices_of(mesh, disc_border(mesh, disc[side]));
-  const int count = std::clamp(int(std::lround(2.0 * std::numbers::pi * radius / theatre.e())), 3, kMost);
+  for (int side = 0; side < 2; ++side) {
+    loop[side] = vertices_of(mesh, disc_border(mesh, disc[side]));
+    if (touching) loop[side] = window_in(mesh, patch, loop[side]);
+    patch.remove(disc[side]);
+  }
+  const int count = std::clamp(int(std::lround(2.0 * std::numbers::pi * radius / theatre.e())), kLeast, kMost);
   const std::vector<double> r = waist(theatre, count);
   const auto [u, v] = theatre.across_after();
-  Loop around = loop[0];
-  around.insert(around.end(), loop[1].begin(), loop[1].end());
-  MeshPatch patch(mesh);
+  Loop around = vertices_of(mesh, disc_border(mesh, disc[0]));
+  for (const Index h : disc_border(mesh, disc[1])) around.push_back(mesh.from(h));
   Loop ring;
   std::vector<DVec3> ring_position;
   for (int i = 0; i < count; ++i) {
@@ -181,9 +216,8 @@ SurgeryReport join(TriangleMesh& mesh, const Theatre& theatre) {
       std::reverse(ring_position.begin(), ring_position.end());
     }
     std::vector<DVec3> loop_position;
-    for (const Index w : loop[side]) loop_position.push_back(settled_position(mesh, theatre, w));
+    for (const Index w : loop[side]) loop_position.push_back(settled_position(theatre, patch.position(mesh, w)));
     weave(patch, loop[side], loop_position, ring, ring_position);
-    patch.remove(disc[side]);
   }
   return applied(mesh, patch);
 }

@@ -1,11 +1,10 @@
 // The ring of triangles about a saddle is taken away and both sides are capped.
 #include <algorithm>
-#include <cmath>
 #include <map>
-#include <numbers>
 #include <set>
 #include <vector>
 
+#include "core/parallel.h"
 #include "core/topology/mesh_probe.h"
 #include "core/topology/surgery_theatre.h"
 
@@ -18,62 +17,70 @@ DVec3 middle_of(const Section& section) {
   return sum / double(section.point.size());
 }
 
-constexpr std::size_t kLongestSection = 4096;
-
-/// The plane's section through the triangle or, where the plane just misses it, through one that touches it.
-Section section_at(const TriangleMesh& mesh, const Plane& plane, Index triangle) {
-  Section section = cut_section(mesh, plane, triangle, kLongestSection);
-  for (Index h = 3 * triangle; h < 3 * triangle + 3; ++h)
-    for (Index k = mesh.turn(h); k != h && section.halfedge.empty(); k = mesh.turn(k))
-      section = cut_section(mesh, plane, TriangleMesh::triangle(k), kLongestSection);
-  return section;
+double farthest(const Section& section, const DVec3& from) {
+  double most = 0.0;
+  for (const DVec3& p : section.point) most = std::max(most, glm::distance(p, from));
+  return most;
 }
 
-/// The nearest section within `search` that goes round matter as it should, though not about the critical point: on a
-/// coarse mesh a thin neck may have strayed from it.
-Section section_near(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
-  const double search = theatre.options.search * theatre.e();
-  const auto farthest = [&](const Section& section) {
-    double most = 0.0;
-    for (const DVec3& p : section.point) most = std::max(most, glm::distance(p, plane.origin));
-    return most;
-  };
+/// All sections of the plane that pass the critical point within reach, each once. Halfedges in order, so the result
+/// is.
+std::vector<Section> sections_within_reach(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
+  constexpr std::size_t kLongest = 4096;
+  std::vector<std::uint8_t> crossed(mesh.vertex.size());
+  const double reach2 = theatre.reach() * theatre.reach();
+  for_each_index(crossed.size(), [&](std::size_t h) {
+    const Vec3& p = mesh.position(mesh.from(Index(h)));
+    const DVec3 x = DVec3(p) - plane.origin;
+    crossed[h] =
+        glm::dot(x, x) <= reach2 && plane.height(p) >= 0.0 && plane.height(mesh.position(mesh.to(Index(h)))) < 0.0;
+  });
+  std::vector<Section> sections;
   std::set<Index> seen;
+  for (Index h = 0; h < crossed.size(); ++h) {
+    if (!crossed[h] || seen.count(h)) continue;
+    sections.push_back(cut_section(mesh, plane, TriangleMesh::triangle(h), kLongest));
+    if (sections.back().halfedge.empty()) {
+      sections.pop_back();
+      continue;
+    }
+    seen.insert(sections.back().halfedge.begin(), sections.back().halfedge.end());
+  }
+  return sections;
+}
+
+/// True when the field to follow leaves the curve, moved along with the critical point: its matter is gone there, at
+/// least half as clearly as at the critical point, which is the last to go in its plane. Other curves lie on surfaces
+/// that stay.
+bool is_left(const Section& section, const Theatre& theatre) {
+  const double there = theatre.filled(theatre.site.after.position);
+  if (there > 0.0) return true;  // it has come back meanwhile: the field says nothing
+  const DVec3 motion = theatre.site.after.position - theatre.site.before.position;
+  return std::all_of(section.point.begin(), section.point.end(),
+                     [&](const DVec3& p) { return theatre.filled(p + motion) <= 0.5 * there; });
+}
+
+/// The curve of triangles about the critical point in the plane across the axis: it goes round matter, round the point
+/// (or, on a coarse mesh, where a thin neck may have strayed from it, not farther than `search` from it), and is left.
+/// Of several the one that stays nearest.
+Section section_about(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
+  const double search = theatre.options.search * theatre.e();
   Section best;
-  for (Index h = 0; h < mesh.vertex.size(); ++h) {
-    const Vec3& p = mesh.position(mesh.from(h));
-    if (plane.height(p) < 0.0 || glm::distance(DVec3(p), plane.origin) > search) continue;
-    if (plane.height(mesh.position(mesh.to(h))) >= 0.0 || seen.count(h)) continue;
-    Section section = cut_section(mesh, plane, TriangleMesh::triangle(h), kLongestSection);
-    seen.insert(section.halfedge.begin(), section.halfedge.end());
-    if (section.halfedge.empty() || farthest(section) > search) continue;
+  bool best_encloses = false;
+  double least = theatre.reach();
+  for (Section& section : sections_within_reach(mesh, theatre, plane)) {
+    const double far = farthest(section, plane.origin);
     Plane own = plane;
     own.origin = middle_of(section);
-    if (winding(section, own) != int(theatre.matter)) continue;
-    if (best.halfedge.empty() || farthest(section) < farthest(best)) best = std::move(section);
+    const bool encloses = winding(section, plane) == int(theatre.matter);
+    if (!encloses && (far > search || winding(section, own) != int(theatre.matter))) continue;
+    if (encloses < best_encloses || (encloses == best_encloses && far >= least) || far > theatre.reach()) continue;
+    if (!is_left(section, theatre)) continue;
+    best = std::move(section);
+    best_encloses = encloses;
+    least = far;
   }
   return best;
-}
-
-/// The closed curve of triangles about the critical point in the plane across the axis.
-Section section_about(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
-  constexpr int kRays = 8;
-  const DVec3 u = theatre.site.before.hessian.vectors[1], v = glm::cross(plane.normal, u);
-  const bool leaving = theatre.matter == Matter::solid;
-  for (int i = 0; i < kRays; ++i) {
-    const double angle = std::numbers::pi * i / kRays;
-    const auto hits = line_hits(mesh, plane.origin, std::cos(angle) * u + std::sin(angle) * v, theatre.reach());
-    const auto ahead = std::find_if(hits.begin(), hits.end(), [](const LineHit& hit) { return hit.distance > 0.0; });
-    if (ahead != hits.end() && ahead->along == leaving) {
-      Section section = section_at(mesh, plane, ahead->triangle);
-      if (winding(section, plane) == int(theatre.matter)) return section;
-    }
-    if (ahead != hits.begin() && (ahead - 1)->along != leaving) {
-      Section section = section_at(mesh, plane, (ahead - 1)->triangle);
-      if (winding(section, plane) == int(theatre.matter)) return section;
-    }
-  }
-  return section_near(mesh, theatre, plane);
 }
 
 /// One side of the cut: the vertex along which each crossing's border runs, and the tip of the cap.
@@ -154,18 +161,31 @@ void fill_cut(const TriangleMesh& mesh, MeshPatch& patch, const Section& section
   }
 }
 
-/// Where the cap's tip goes: on the surface along the axis, or the middle of the curve, a little to its side.
-DVec3 tip_position(const Theatre& theatre, const Section& section, const DVec3& direction) {
+/// Where the cap's tip goes, `side` 1 above the plane, -1 below: on the new surface along the axis. That must be nearer
+/// than the end of the matter that is there now, else all of this matter is about to go and half way to its end does.
+struct Tip {
+  DVec3 position{0.0};
+  double height = 0.0;  // above the plane, positive on either side
+  bool on_surface = false;
+};
+
+Tip tip_on(const TriangleMesh& mesh, const Theatre& theatre, const Section& section, double side) {
+  const DVec3 up = side * theatre.axis_after();
+  const auto hits = line_hits(mesh, theatre.site.before.position, side * theatre.axis_before(), theatre.reach());
+  const auto end = std::find_if(hits.begin(), hits.end(), [](const LineHit& hit) { return hit.distance > 0.0; });
+  const double matter = end == hits.end() ? theatre.reach() : end->distance;
   const bool open = theatre.filled(theatre.site.after.position) <= 0.0;
-  const auto distance = open ? theatre.surface_along(direction) : std::nullopt;
-  if (distance) return theatre.site.after.position + *distance * direction;
-  return middle_of(section) + theatre.options.fall_back_ring * theatre.e() * direction;
+  const auto distance = open ? theatre.surface_along(up) : std::nullopt;
+  if (distance && *distance < matter) return {theatre.site.after.position + *distance * up, *distance, true};
+  const double height = std::min(theatre.options.fall_back_ring * theatre.e(), 0.5 * matter);
+  return {middle_of(section) + height * up, height, false};
 }
 
-/// Takes the cap's fan about the vertex `tip_id` farther out, over what the new surface leaves behind: triangles with a
-/// corner less than `height` above the plane (or below it, for a negative one).
-void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, Index tip_id, double height,
-               SurgeryReport& report) {
+/// Takes the cap's fan about the vertex `tip_id` farther out, over the stump that the new surface leaves behind:
+/// triangles with a corner less than `height` from the plane on this side, not farther from the axis than the section
+/// and as much again as the height.
+void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, Index tip_id, double side, double height,
+               double section_radius, SurgeryReport& report) {
   const auto& ids = mesh.vertices.id;
   const Index tip = Index(std::find(ids.begin(), ids.end(), tip_id) - ids.begin());
   std::vector<Index> fan;
@@ -173,13 +193,14 @@ void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, I
     if (mesh.vertex[h] == tip) fan.push_back(TriangleMesh::triangle(h));
   const std::size_t before = fan.size();
   const std::vector<Index> disc = grow_disc(mesh, std::move(fan), [&](Index t) {
-    double least = std::numeric_limits<double>::infinity();
+    bool left = false;
     for (Index h = 3 * t; h < 3 * t + 3; ++h) {
-      const Vec3& p = mesh.position(mesh.vertex[h]);
-      if (glm::distance(DVec3(p), plane.origin) > theatre.reach()) return false;
-      least = std::min(least, plane.height(p) / height);
+      const DVec3 x = DVec3(mesh.position(mesh.vertex[h])) - plane.origin;
+      const double above = glm::dot(x, plane.normal);
+      if (glm::length(x) > theatre.reach()) return false;
+      left |= side * above < height && glm::length(x - above * plane.normal) < section_radius + height;
     }
-    return least < 1.0;
+    return left;
   });
   if (disc.size() == before) return;
   MeshPatch patch(mesh);
@@ -196,14 +217,10 @@ SurgeryReport sever(TriangleMesh& mesh, const Theatre& theatre) {
   const Plane plane{theatre.site.before.position, theatre.axis_before()};
   const Section section = section_about(mesh, theatre, plane);
   if (section.halfedge.empty()) return refused("no ring of triangles goes around the critical point");
-  const bool wide = std::any_of(section.point.begin(), section.point.end(),
-                                [&](const DVec3& p) { return glm::distance(p, plane.origin) > theatre.reach(); });
-  if (wide) return refused("the ring about the critical point is wider than the reach");
   MeshPatch patch(mesh);
-  const DVec3 up = theatre.axis_after(), high_tip = tip_position(theatre, section, up),
-              low_tip = tip_position(theatre, section, -up);
-  const CapSide high = cap_side(mesh, patch, section, true, high_tip);
-  const CapSide low = cap_side(mesh, patch, section, false, low_tip);
+  const Tip tip[2] = {tip_on(mesh, theatre, section, 1.0), tip_on(mesh, theatre, section, -1.0)};
+  const CapSide high = cap_side(mesh, patch, section, true, tip[0].position);
+  const CapSide low = cap_side(mesh, patch, section, false, tip[1].position);
   fill_cut(mesh, patch, section, high, low);
   std::vector<Index> ring;
   for (const Index h : section.halfedge) ring.push_back(TriangleMesh::triangle(h));
@@ -212,9 +229,9 @@ SurgeryReport sever(TriangleMesh& mesh, const Theatre& theatre) {
   const Index low_id = mesh.next_id + low.tip - Index(mesh.vertex_count());
   SurgeryReport report = applied(mesh, patch);
   if (!report) return report;
-  const DVec3 after = theatre.site.after.position;
-  widen_cap(mesh, theatre, plane, high_id, glm::dot(high_tip - after, up), report);
-  widen_cap(mesh, theatre, plane, low_id, glm::dot(low_tip - after, up), report);
+  const double radius = farthest(section, plane.origin);
+  if (tip[0].on_surface) widen_cap(mesh, theatre, plane, high_id, 1.0, tip[0].height, radius, report);
+  if (tip[1].on_surface) widen_cap(mesh, theatre, plane, low_id, -1.0, tip[1].height, radius, report);
   return report;
 }
 

@@ -1,0 +1,98 @@
+#include "core/topology/thin_features.h"
+
+#include <gtest/gtest.h>
+
+#include "core/mesh/small_pieces.h"
+#include "core/mesh/validate.h"
+#include "core/topology/droplets.h"
+#include "tests/analytic_fields.h"
+#include "tests/test_meshes.h"
+
+namespace isoskin {
+namespace {
+
+CriticalPoint saddle(CriticalKind kind, double value, const DVec3& eigenvalues) {
+  CriticalPoint p;
+  p.kind = kind;
+  p.value = value;
+  p.hessian.values = eigenvalues;
+  return p;
+}
+
+/// A tube of radius r about z, as the waist of F = v - (x^2 + y^2) / 2 + z^2 / 2 with v = r^2 / 2.
+TEST(ThinFeatures, are_the_waist_of_thin_necks_only) {
+  const TriangleMesh mesh = test_meshes::torus(24, 12, 1.0f, 0.3f);  // vertices all over
+  ThinOptions options;
+  options.edge_length = 1.0;
+  const auto held = [&](const CriticalPoint& p) { return thin_feature_vertices(mesh, std::span(&p, 1), options); };
+  const DVec3 neck(-1, -1, 1), tunnel(-1, 1, 1);
+  EXPECT_TRUE(held(saddle(CriticalKind::two_saddle, 0.5, neck)).empty());    // radius 1: thick
+  EXPECT_TRUE(held(saddle(CriticalKind::two_saddle, -0.1, neck)).empty());   // a gap
+  EXPECT_TRUE(held(saddle(CriticalKind::one_saddle, 0.1, tunnel)).empty());  // a membrane
+  EXPECT_TRUE(held(saddle(CriticalKind::maximum, 0.1, {-1, -1, -1})).empty());
+  // Radius 0.2, thin up to 0.8: the hyperboloid is as wide as that at |z| = sqrt(0.64 - 0.04).
+  const std::vector<Index> vertices = held(saddle(CriticalKind::two_saddle, 0.02, neck));
+  std::vector<Index> wanted;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const Vec3& p = mesh.position(v);
+    if (std::hypot(p.x, p.y) <= 0.8f && std::abs(p.z) <= std::sqrt(0.6f)) wanted.push_back(v);
+  }
+  EXPECT_FALSE(wanted.empty());
+  EXPECT_EQ(vertices, wanted);
+}
+
+TEST(ThinFeatures, of_a_tunnel_lie_along_its_negative_axis) {
+  const TriangleMesh mesh = test_meshes::torus(24, 12, 1.0f, 0.3f);
+  ThinOptions options;
+  CriticalPoint p = saddle(CriticalKind::one_saddle, -0.02, {-1, 1, 1});  // along x
+  const std::vector<Index> vertices = thin_feature_vertices(mesh, std::span(&p, 1), options);
+  std::vector<Index> wanted;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const Vec3& q = mesh.position(v);
+    if (std::hypot(q.y, q.z) <= 0.8f && std::abs(q.x) <= std::sqrt(0.6f)) wanted.push_back(v);
+  }
+  EXPECT_EQ(vertices, wanted);
+}
+
+TriangleMesh octahedron(float radius, const Vec3& center) {
+  std::vector<Vec3> points{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  for (Vec3& p : points) p = center + radius * p;
+  return make_mesh(points, {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4, 2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5});
+}
+
+void add(TriangleMesh& mesh, TriangleMesh other) {
+  for (Index& id : other.vertices.id) id += mesh.next_id;
+  other.next_id += mesh.next_id;
+  append(mesh, other);
+}
+
+TEST(SmallPieces, are_octahedra_and_less) {
+  TriangleMesh mesh = test_meshes::icosphere(1);
+  const Index first = Index(mesh.vertex_count()), first_halfedge = Index(mesh.vertex.size());
+  add(mesh, octahedron(0.1f, Vec3(3, 0, 0)));
+  add(mesh, test_meshes::tetrahedron());
+  std::vector<Index> wanted(mesh.vertex_count() - first);
+  for (std::size_t i = 0; i < wanted.size(); ++i) wanted[i] = first + Index(i);
+  EXPECT_EQ(small_piece_vertices(mesh), wanted);
+  EXPECT_FALSE(is_small_piece(mesh, 5));
+  EXPECT_TRUE(is_small_piece(mesh, first_halfedge + 7));
+}
+
+TEST(GrowSmallPieces, cuts_those_that_have_grown) {
+  const auto field = std::make_shared<analytic::SphereField>(DVec3(0.5, 0.0, 0.0), 1.0);
+  auto backend = make_reference_backend();
+  backend->set_field(field);
+  ProjectOptions project;
+  for (const auto& [edge_length, triangles] : {std::pair(1.0, 8u), {0.8, 32u}, {0.3, 128u}}) {
+    TriangleMesh mesh = test_meshes::icosphere(2, 1.0f, Vec3(0.5f, 0.0f, 0.0f));
+    const std::size_t rest = mesh.triangle_count();
+    add(mesh, octahedron(1.0f, Vec3(0.5f, 0.0f, 0.0f)));
+    EXPECT_EQ(grow_small_pieces(mesh, *backend, project, edge_length), triangles > 8 ? 1u : 0u);
+    EXPECT_EQ(mesh.triangle_count(), rest + triangles);
+    EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+    for (const Vec3& p : mesh.vertices.position) EXPECT_NEAR(glm::distance(p, Vec3(0.5f, 0.0f, 0.0f)), 1.0f, 1e-3f);
+  }
+}
+
+}  // namespace
+}  // namespace isoskin
