@@ -99,6 +99,26 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
   }
 }
 
+/// Lattice corners farther than the tolerance from the surface on whose side mesh and field differ.
+std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
+                                double tolerance) {
+  constexpr int kSide = BrickLattice::kCorners;
+  const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
+  std::vector<Vec3> wrong;
+  for (std::size_t i = 0; i < winding.size(); ++i) {
+    const float value = lattice.value[i];
+    if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
+    const int local = int(i % BrickLattice::kValues);
+    const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
+    const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[i / BrickLattice::kValues] + corner);
+    // Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
+    const double estimate = field.distance_estimate(p);
+    const double distance = field.resolution() > 0.0 ? std::min(estimate, std::abs(double(value))) : estimate;
+    if (distance > tolerance) wrong.emplace_back(p);
+  }
+  return wrong;
+}
+
 }  // namespace
 
 TrackOptions resolved(TrackOptions options, const Field& first) {
@@ -153,10 +173,10 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
     grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
   }
   relax(report);
-  handle_events(frame, report);
+  const BrickLattice lattice = handle_events(frame, report);
   {
     Step step(report, "refine");
-    refine();
+    refine(*frame.field, lattice);
   }
   report.survived = share_surviving(before, sorted_ids(mesh_));
   report.mechanical_triangles = mesh_.triangle_count();
@@ -310,7 +330,7 @@ void Tracker::hold(std::vector<Vec3>& moved) {
   for (std::size_t i = 0; i < held.size(); ++i) moved[held[i]] = position[i];
 }
 
-void Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
+BrickLattice Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
   Evidence evidence;
   {
     Step step(report, "certify");
@@ -336,12 +356,15 @@ void Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
   backend_->set_mesh(mesh_);
   normals_.resize(mesh_.vertex_count());
   backend_->vertex_normals(normals_);
+  return std::move(evidence.lattice);
 }
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
   CertifyOptions options;
   options.tolerance = options_.tolerance;
+  constexpr double kFromVolume = 16.0;  // in tolerances cubed: smaller droplets have no volume to speak of
+  options.volume_from = kFromVolume * std::pow(options_.tolerance, 3.0);
   evidence.pieces = mesh_pieces(mesh_);
   evidence.certificate =
       isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
@@ -412,8 +435,16 @@ double Tracker::share_of_area(double part) const {
   return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
 }
 
-void Tracker::refine() {
+/// The mechanical mesh is certified; where refining it put a lattice corner on the wrong side, it is taken back.
+void Tracker::refine(const Field& field, const BrickLattice& lattice) {
   geometric_ = isoskin::refine(mesh_, *backend_, options_.refine, options_.project);
+  constexpr int kTries = 3;
+  float radius = float(2.0 * options_.edge_length);
+  for (int tried = 0; tried < kTries; ++tried, radius *= 2.0f) {
+    const std::vector<Vec3> wrong = wrong_corners(geometric_.mesh, field, lattice, options_.tolerance);
+    if (wrong.empty()) break;
+    flatten(geometric_, wrong, radius);
+  }
 }
 
 }  // namespace isoskin

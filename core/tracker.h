@@ -110,13 +110,13 @@ private:
   std::vector<Index> held_vertices() const;
   void hold(std::vector<Vec3>& moved);
   std::vector<std::uint8_t> inverted_triangles();
-  void handle_events(const FieldFrame& frame, FrameReport& report);
+  BrickLattice handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report);
   void settle_new_skin();
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;
-  void refine();
+  void refine(const Field& field, const BrickLattice& lattice);
 
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;

@@ -310,4 +310,14 @@ GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const Ref
   return result;
 }
 
+void flatten(GeometricMesh& geometric, const std::vector<Vec3>& bad, float radius) {
+  auto& position = geometric.mesh.vertices.position;
+  const std::vector<Vec3> refined = position;
+  for (Index v = 0; v < position.size(); ++v) {
+    const auto [a, b] = geometric.parent_edge[v];
+    const auto near = [&](const Vec3& p) { return glm::distance(p, refined[v]) <= radius; };
+    if (a != b && std::any_of(bad.begin(), bad.end(), near)) position[v] = 0.5f * (position[a] + position[b]);
+  }
+}
+
 }  // namespace isoskin

@@ -38,4 +38,8 @@ struct GeometricMesh {
 GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                      const ProjectOptions& project, RefineReport* report = nullptr);
 
+/// Puts refined vertices within `radius` of a bad point back on the mechanical mesh (the middle of their parent edge),
+/// so that the surface there is the mechanical one; topology stays. Parents come before children, so one pass does.
+void flatten(GeometricMesh& geometric, const std::vector<Vec3>& bad, float radius);
+
 }  // namespace isoskin

@@ -15,11 +15,17 @@ namespace {
 constexpr std::array kFaults{Fault::none,  Fault::wrong_side, Fault::euler,  Fault::merged,
                              Fault::split, Fault::spurious,   Fault::missing};
 
+/// A film so thin that no lattice corner lies deep in it can lose most of its volume without any side telling.
+bool shrunk(double mesh, double lattice, const CertifyOptions& options) {
+  return std::abs(lattice) >= options.volume_from && (std::abs(mesh) < options.volume_share * std::abs(lattice) ||
+                                                      std::abs(lattice) < options.volume_share * std::abs(mesh));
+}
+
 Fault judge(const Cluster& cluster, const MeshPieces& pieces, const LatticeTopology& topology, bool wrong_side,
-            double least_piece) {
+            const CertifyOptions& options) {
   if (cluster.lattice.empty()) return Fault::spurious;
   if (cluster.mesh.empty()) {
-    const bool small = std::abs(topology.volume[cluster.lattice.front()]) < least_piece;
+    const bool small = std::abs(topology.volume[cluster.lattice.front()]) < options.least_piece;
     return small && !wrong_side ? Fault::none : Fault::missing;
   }
   if (cluster.lattice.size() > 1) return Fault::merged;
@@ -27,7 +33,8 @@ Fault judge(const Cluster& cluster, const MeshPieces& pieces, const LatticeTopol
   const Index m = cluster.mesh.front(), l = cluster.lattice.front();
   if (pieces.euler[m] != topology.euler[l]) return Fault::euler;
   const bool inside_out = (pieces.volume[m] > 0) != (topology.volume[l] > 0);
-  return wrong_side || inside_out ? Fault::wrong_side : Fault::none;
+  return wrong_side || inside_out || shrunk(pieces.volume[m], topology.volume[l], options) ? Fault::wrong_side
+                                                                                           : Fault::none;
 }
 
 }  // namespace
@@ -77,7 +84,7 @@ Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Fi
     const bool wrong_side =
         std::any_of(cluster.mesh.begin(), cluster.mesh.end(), [&](Index p) { return sides.mesh_piece[p]; }) ||
         std::any_of(cluster.lattice.begin(), cluster.lattice.end(), [&](Index p) { return sides.lattice_piece[p]; });
-    const Fault fault = judge(cluster, pieces, topology, wrong_side, options.least_piece);
+    const Fault fault = judge(cluster, pieces, topology, wrong_side, options);
     for (const Index p : cluster.mesh) certificate.mesh_piece[p] = fault;
     for (const Index p : cluster.lattice) certificate.lattice_piece[p] = fault;
     certificate.passed &= fault == Fault::none;

@@ -1,6 +1,7 @@
 // The certificate of design 8: does this mesh have the field's sides and the field's topology?
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,9 @@ struct CertifyOptions {
                            // (a run: one voxel, or e / 2)
   double least_piece = 0.0;  // pieces of the lattice's surface enclosing less than this may lack a mesh, unless a
                              // corner beyond tolerance is on the wrong side for it; world units^3
+  double volume_from =
+      std::numeric_limits<double>::infinity();  // matched pieces enclosing at least this, world units^3,
+  double volume_share = 0.5;                    // must agree in volume to within this factor, else count as wrong_side
 };
 
 /// What is wrong with one mesh piece or one lattice piece.
