@@ -17,9 +17,10 @@ struct CertifyOptions {
                            // (a run: one voxel, or e / 2)
   double least_piece = 0.0;  // pieces of the lattice's surface enclosing less than this may lack a mesh, unless a
                              // corner beyond tolerance is on the wrong side for it; world units^3
-  double volume_from =
-      std::numeric_limits<double>::infinity();  // matched pieces enclosing at least this, world units^3,
-  double volume_share = 0.5;                    // must agree in volume to within this factor, else count as wrong_side
+  // Matched pieces that enclose at least volume_from (world units^3) must agree in volume to within the factor
+  // volume_share, else they count as wrong_side. An octahedron has 0.32 of its sphere's volume.
+  double volume_from = std::numeric_limits<double>::infinity();
+  double volume_share = 0.25;
 };
 
 /// What is wrong with one mesh piece or one lattice piece.
