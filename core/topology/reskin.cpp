@@ -27,24 +27,32 @@ public:
   /// Calls function(index, squared distance) for every point nearer than the radius.
   template <class Function>
   void near(const Vec3& p, Function&& function) const {
+    visit(p, [&](Index i, float square) {
+      function(i, square);
+      return false;
+    });
+  }
+
+  bool any_near(const Vec3& p) const {
+    return visit(p, [](Index, float) { return true; });
+  }
+
+private:
+  /// Visits the points nearer than the radius until `visitor` returns true; whether it did.
+  template <class Visitor>
+  bool visit(const Vec3& p, const Visitor& visitor) const {
     const IVec3 c = cell(p);
     for (int n = 0; n < 27; ++n) {
       const auto it = cells_.find(key(c + IVec3(n / 9 - 1, (n / 3) % 3 - 1, n % 3 - 1)));
       if (it == cells_.end()) continue;
       for (const Index i : it->second) {
         const Vec3 d = points_[i] - p;
-        if (const float square = glm::dot(d, d); square <= radius_ * radius_) function(i, square);
+        if (const float square = glm::dot(d, d); square <= radius_ * radius_ && visitor(i, square)) return true;
       }
     }
+    return false;
   }
 
-  bool any_near(const Vec3& p) const {
-    bool any = false;
-    near(p, [&](Index, float) { any = true; });
-    return any;
-  }
-
-private:
   IVec3 cell(const Vec3& p) const { return IVec3(glm::floor(p / radius_)); }
   static std::uint64_t key(const IVec3& c) {
     return (std::uint64_t(std::uint32_t(c.x)) * 73856093u) ^ (std::uint64_t(std::uint32_t(c.y)) << 32) ^
@@ -467,7 +475,6 @@ Attempt attempt(const TriangleMesh& mesh, const MeshPieces& pieces, const std::s
   std::vector<Seam> seams = find_seams(mesh, removed);
 
   const float reach = radius + float(options.margin * options.edge_length);
-  const PointGrid wide(bad, reach);
   std::vector<std::uint8_t> wanted(lattice.brick_count(), 0);
   const float half_brick = 0.5f * BrickLattice::kCells * float(lattice.spacing);
   const PointGrid coarse(bad, reach + std::sqrt(3.0f) * half_brick);
