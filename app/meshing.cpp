@@ -12,8 +12,6 @@ namespace {
 
 constexpr double kLeastAngle = 0.5, kMostAngle = 180.0;  // degrees
 constexpr int kMostPasses = 10;
-// Edges that fit across the surface's diagonal: beyond this the mesh has hundreds of millions of triangles.
-constexpr double kMostEdgesAcross = 4096.0;
 
 }  // namespace
 
@@ -44,13 +42,7 @@ TrackOptions track_options(const MeshingOptions& given, const SceneMeshing& scen
   }
   options.relax.mechanics = given.mechanics == "springs" ? Mechanics::springs : Mechanics::fem;
   options.relax.sharp = given.sharp || scene.sharp.value_or(false);
-
-  options = resolved(options, first);
-  const double diagonal = first.bounds().diagonal();
-  if (diagonal > kMostEdgesAcross * options.edge_length)
-    throw InputError(fmt::format("edge length {}: expected at least {:.4g}, the surface's diagonal over {}",
-                                 options.edge_length, diagonal / kMostEdgesAcross, kMostEdgesAcross));
-  return options;
+  return resolved(options, first);
 }
 
 }  // namespace isoskin

@@ -167,11 +167,12 @@ std::optional<int> RunFolder::resume(int first, int last) {
 Json RunFolder::write_frame(const FieldFrame& frame, FrameReport report, const Tracker& tracker, double ms_before) {
   const Span span("write");
   const auto begin = std::chrono::steady_clock::now();
-  const PlyHeader header{frame.frame, frame.time};
   if (kinds_.mechanical)
-    write_ply(mechanical_path(frame.frame), tracker.mechanical(), tracker.mechanical_normals(), header);
+    write_ply(mechanical_path(frame.frame), tracker.mechanical(), tracker.mechanical_normals(),
+              {frame.frame, frame.time, tracker.critical_points()});
   if (kinds_.geometric)
-    write_ply(geometric_path(frame.frame), tracker.geometric().mesh, tracker.geometric().normal, header);
+    write_ply(geometric_path(frame.frame), tracker.geometric().mesh, tracker.geometric().normal,
+              {frame.frame, frame.time, {}});
   std::vector<Json> ledger;
   for (const LedgerEntry& entry : tracker.ledger()) ledger.push_back(to_json(entry));
   ledger_->append(ledger);

@@ -118,7 +118,8 @@ int run(const TrackCommand& command) {
     folder.start();
   } else if (const std::optional<int> done = folder.resume(first, last)) {
     if (frame.frame != *done) frame = loader.load(*done);
-    tracker.resume(read_ply(folder.mechanical_path(*done)).mesh, frame);
+    PlyMesh skin = read_ply(folder.mechanical_path(*done));
+    tracker.resume(std::move(skin.mesh), frame, skin.header.critical_points);
     next = *done + 1;
   }
   catch_interrupts();

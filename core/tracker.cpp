@@ -122,16 +122,20 @@ std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, co
 }  // namespace
 
 TrackOptions resolved(TrackOptions options, const Field& first) {
-  constexpr double kVoxelsPerEdge = 1.5, kEdgesPerDiagonal = 60.0, kFinest = 0.01, kFinestShare = 1e-5;
+  constexpr double kVoxelsPerEdge = 1.5, kEdgesPerDiagonal = 60.0;
+  // Edges that fit across the diagonal: with more the mesh has hundreds of millions of triangles. A grid whose own
+  // voxels are as many is still meshed at its default edge.
+  constexpr double kMostEdgesAcross = 4096.0;
   const double diagonal = first.bounds().diagonal();
   const double voxel = first.resolution();
   double& e = options.edge_length;
-  if (e == 0.0) e = voxel > 0.0 ? kVoxelsPerEdge * voxel : diagonal / kEdgesPerDiagonal;
+  const double usual = voxel > 0.0 ? kVoxelsPerEdge * voxel : diagonal / kEdgesPerDiagonal;
+  if (e == 0.0) e = usual;
   if (e == 0.0) e = 1.0;  // an empty scene: nothing to mesh yet, any length serves until there is
-  const double least = voxel > 0.0 ? kFinest * voxel : kFinestShare * diagonal;
+  const double least = std::min(diagonal / kMostEdgesAcross, usual);
   if (!std::isfinite(e) || e <= 0.0 || e < least || (diagonal > 0.0 && e > diagonal))
-    throw InputError(fmt::format("edge length {}: expected a length between {:.4g} and {:.4g} (the surface's diagonal)",
-                                 e, least, diagonal));
+    throw InputError(fmt::format("edge length {}: expected a length from {:.4g} to {:.4g}, the surface's diagonal", e,
+                                 least, diagonal));
   if (options.lattice_spacing == 0.0) options.lattice_spacing = voxel > 0.0 ? 0.5 * voxel : 0.5 * e;
   if (options.tolerance == 0.0) options.tolerance = voxel > 0.0 ? voxel : 0.5 * e;
   options.alter.edge_length = options.relax.edge_length = float(e);
@@ -150,11 +154,22 @@ Tracker::Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options)
 #endif
 }
 
-void Tracker::resume(TriangleMesh mechanical, const FieldFrame& last) {
+void Tracker::resume(TriangleMesh mechanical, const FieldFrame& last,
+                     const std::optional<std::vector<DVec3>>& critical_points) {
   mesh_ = std::move(mechanical);
   last_field_ = last.field;
   time_ = last.time;
   started_ = true;
+  critical_ = {};
+  if (critical_points)
+    critical_ = restore_critical_points(*critical_points, last.field, event_options(options_.edge_length));
+}
+
+std::optional<std::vector<DVec3>> Tracker::critical_points() const {
+  if (!last_field_ || critical_.field != last_field_) return std::nullopt;
+  std::vector<DVec3> positions;
+  for (const CriticalPoint& point : critical_.points) positions.push_back(point.position);
+  return positions;
 }
 
 FrameReport Tracker::advance(const FieldFrame& frame) {
@@ -162,6 +177,7 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
   report.frame = frame.frame;
   report.time = frame.time;
   const std::vector<Index> before = sorted_ids(mesh_);
+  options_.alter.dt = float(seconds_to(frame));
   {
     Step step(report, "advance");
     backend_->set_field(frame.field);
@@ -197,9 +213,12 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
 /// skin follows the field to a moment between them first.
 void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
   ledger_.clear();
-  if (!last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) return;
+  if (!last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) {
+    critical_ = {};
+    return;
+  }
   const EventOptions options = event_options(options_.edge_length);
-  if (critical_.field != last_field_) {  // the second frame, or the first of a run that is resumed
+  if (critical_.field != last_field_) {  // the second frame
     Step step(report, "surgery");
     backend_->set_field(last_field_);
     critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
@@ -236,7 +255,7 @@ void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameRe
 
 void Tracker::predict(const FieldFrame& frame) {
   VertexTable& vertices = mesh_.vertices;
-  const double dt = started_ ? frame.time - time_ : 0.0;
+  const double dt = seconds_to(frame);
   const std::vector<Vec3> old = vertices.position;
   const auto velocity = [&](Index v) {
     return frame.velocity ? Vec3(frame.velocity->velocity(DVec3(old[v]))) : vertices.velocity[v];
@@ -249,7 +268,6 @@ void Tracker::predict(const FieldFrame& frame) {
   backend_->project(vertices.position, options_.project, status);
   project_again_from(old, status);
   set_velocities(frame, old, status, dt);
-  options_.alter.dt = float(dt);
 }
 
 /// From the grid where there is one; else the surface's own motion, which is normal. What a vertex slid sideways is not

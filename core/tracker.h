@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,8 +39,9 @@ struct TrackOptions {
   RefineOptions refine;            // alpha_r and N_p of the geometric mesh
 };
 
-/// Fills in every length that is 0 from the first frame's field. Throws InputError for a NaN, negative or absurd edge
-/// length (under a hundredth of a voxel or of a thousandth of the surface's diagonal, or over the diagonal).
+/// Fills in every length that is 0 from the first frame's field. Throws InputError for an edge length that is NaN,
+/// negative, longer than the surface's diagonal, or so short that the mesh would not fit in memory: under 1/4096 of the
+/// diagonal, unless it is a grid's default.
 TrackOptions resolved(TrackOptions options, const Field& first);
 
 /// One topology event or repair, a line of ledger.jsonl.
@@ -79,14 +81,17 @@ public:
   /// finds a fault (a bug of isoskin).
   FrameReport advance(const FieldFrame& frame);
 
-  /// Goes on from the mechanical mesh of the frame before and that frame's field (--resume): all state a frame hands to
-  /// the next is in them.
-  void resume(TriangleMesh mechanical, const FieldFrame& last);
+  /// Goes on from the mechanical mesh, field and critical_points() of the frame before (--resume): all state a frame
+  /// hands to the next is in them. Without critical points they are searched for, as after a first frame.
+  void resume(TriangleMesh mechanical, const FieldFrame& last,
+              const std::optional<std::vector<DVec3>>& critical_points = std::nullopt);
 
   const TriangleMesh& mechanical() const { return mesh_; }
   const std::vector<Vec3>& mechanical_normals() const { return normals_; }
   const GeometricMesh& geometric() const { return geometric_; }
   const std::vector<LedgerEntry>& ledger() const { return ledger_; }  // of the last frame
+  /// Where the last field's critical points are, once they are tracked (from the second frame of a skeleton on).
+  std::optional<std::vector<DVec3>> critical_points() const;
   const TrackOptions& options() const { return options_; }
 
 private:
@@ -98,6 +103,7 @@ private:
     Certificate certificate;
   };
 
+  double seconds_to(const FieldFrame& frame) const { return started_ ? frame.time - time_ : 0.0; }
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);

@@ -9,6 +9,7 @@
 
 #include "core/field/skeleton_field.h"
 #include "core/topology/critical_interval.h"
+#include "tests/random_rotation.h"
 #include "tests/test_meshes.h"
 
 namespace isoskin {
@@ -20,14 +21,6 @@ DMat3 random_symmetric(std::mt19937& random) {
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j <= i; ++j) m[i][j] = m[j][i] = uniform(random);
   return m;
-}
-
-DMat3 random_rotation(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  DVec3 x(normal(random), normal(random), normal(random)), y(normal(random), normal(random), normal(random));
-  x = glm::normalize(x);
-  y = glm::normalize(y - glm::dot(x, y) * x);
-  return DMat3(x, y, glm::cross(x, y));
 }
 
 double largest(const DMat3& m) {
@@ -118,7 +111,7 @@ TEST(RefineCriticalPoint, finds_every_kind_in_every_rotation) {
   std::mt19937 random(2);
   const DVec3 forms[4] = {{-2, -1, -3}, {-2, -1, 3}, {-2, 1, 3}, {1, 2, 3}};
   for (int i = 0; i < 400; ++i) {
-    const DMat3 turn = random_rotation(random);
+    const DMat3 turn = test::random_rotation(random);
     DMat3 d(0.0);
     for (int k = 0; k < 3; ++k) d[k][k] = forms[i % 4][k];
     const DVec3 center(0.3, -0.2, 5.0);

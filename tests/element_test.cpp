@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/random_rotation.h"
+
 using namespace isoskin;
 
 namespace {
@@ -21,13 +23,6 @@ Corners random_triangle(std::mt19937& rng, double size) {
   Corners p;
   for (DVec3& c : p) c = {g(rng), g(rng), g(rng)};
   return p;
-}
-
-DMat3 random_rotation(std::mt19937& rng) {
-  std::normal_distribution<double> g;
-  const DVec3 a = glm::normalize(DVec3(g(rng), g(rng), g(rng)));
-  const DVec3 b = glm::normalize(glm::cross(a, DVec3(g(rng), g(rng), g(rng))));
-  return {a, b, glm::cross(a, b)};
 }
 
 Corners moved(const Corners& p, const DMat3& q, const DVec3& t) {
@@ -163,7 +158,7 @@ DVec3 own_normal(const Corners& p) {
 TEST(Element, RestShapeAnywhereHasNoForce) {
   std::mt19937 rng(1);
   for (int i = 0; i < 100; ++i) {
-    const Corners p = moved(rest_triangle(0.7), random_rotation(rng), DVec3(3, -2, i));
+    const Corners p = moved(rest_triangle(0.7), test::random_rotation(rng), DVec3(3, -2, i));
     const Corners f = element_forces(element_frame(p, false, own_normal(p)), p, kMaterial);
     for (const DVec3& force : f) EXPECT_LT(glm::length(force), 1e-9);
     for (const DVec3& force : spring_forces(p, kMaterial)) EXPECT_LT(glm::length(force), 1e-9);
@@ -239,7 +234,7 @@ TEST(Element, TurnsWithTheTriangleAndDoesNotCareWhichCornerIsFirst) {
   for (int i = 0; i < 100; ++i) {
     const bool inverted = i % 2 == 1;
     const Corners p = random_triangle(rng, 0.6);
-    const DMat3 q = random_rotation(rng);
+    const DMat3 q = test::random_rotation(rng);
     const Corners turned = moved(p, q, DVec3(1, 2, 3));
     const DVec3 outward = (inverted ? -1.0 : 1.0) * own_normal(p);
     const Corners f = element_forces(element_frame(p, inverted, outward), p, kMaterial);

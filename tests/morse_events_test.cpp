@@ -12,6 +12,7 @@
 #include "core/field/skeleton_field.h"
 #include "core/tracker.h"
 #include "tests/digital_topology.h"
+#include "tests/random_rotation.h"
 
 namespace isoskin {
 namespace {
@@ -61,17 +62,8 @@ const Scene kScenes[4] = {
 };
 
 DMat3 rotation(int number) {
-  if (number == 0) return DMat3(1.0);
   std::mt19937 random{unsigned(number)};
-  std::normal_distribution<double> normal;
-  const auto vector = [&] {
-    const double x = normal(random), y = normal(random), z = normal(random);
-    return DVec3(x, y, z);
-  };
-  const DVec3 x = glm::normalize(vector());
-  DVec3 y = vector();
-  y = glm::normalize(y - glm::dot(x, y) * x);
-  return DMat3(x, y, glm::cross(x, y));
+  return number == 0 ? DMat3(1.0) : test::random_rotation(random);
 }
 
 /// Two frames before the event and two after it; `speed` is the change of q a frame.

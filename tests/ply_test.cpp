@@ -131,6 +131,20 @@ TEST(Ply, RoundTripIsExact) {
   EXPECT_EQ(slurp(folder / "a.ply"), slurp(folder / "b.ply"));
 }
 
+TEST(Ply, CriticalPointsComeBackAsTheyWere) {
+  const Folder folder;
+  const std::vector<DVec3> points{{0.1 + 0.2, -1e300, 5e-324}, {1.0 / 3.0, -0.0, 2.0}};
+  for (const auto& some :
+       {std::optional(points), std::optional(std::vector<DVec3>()), decltype(std::optional(points))()}) {
+    write_ply(folder / "a.ply", tetrahedron(), {}, {1, 0.0, some});
+    const PlyMesh back = read_ply(folder / "a.ply");
+    EXPECT_TRUE(back.header.critical_points == some);
+    expect_same(back.mesh, tetrahedron());
+  }
+  write_ply(folder / "bad.ply", tetrahedron(), {}, {1, 0.0, std::vector{DVec3(std::nan(""))}});
+  EXPECT_THROW(read_ply(folder / "bad.ply"), InputError);
+}
+
 TEST(Ply, LayoutIsTheDocumentedOne) {
   const Folder folder;
   write_ply(folder / "a.ply", tetrahedron(), tetrahedron().vertices.position, {3, 0.5});

@@ -12,24 +12,13 @@
 #include "core/mesh/validate.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/mesh_probe.h"
+#include "tests/random_rotation.h"
 #include "tests/test_meshes.h"
 
 namespace isoskin {
 namespace {
 
 using Operation = SurgeryReport (*)(TriangleMesh&, const SurgerySite&, const Field&, const SurgeryOptions&);
-
-DMat3 random_rotation(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  const auto vector = [&] {
-    const double x = normal(random), y = normal(random), z = normal(random);
-    return DVec3(x, y, z);
-  };
-  const DVec3 x = glm::normalize(vector());
-  DVec3 y = vector();
-  y = glm::normalize(y - glm::dot(x, y) * x);
-  return DMat3(x, y, glm::cross(x, y));
-}
 
 SkeletonElement ball(const DVec3& center, double radius, double weight = 1.0) {
   SkeletonElement e;
@@ -152,7 +141,7 @@ TEST_P(EightOperations, change_the_topology_once_in_every_rotation) {
       for (int turn = 0; turn < 8; ++turn) {
         const Scene scene = scenes(gap)[GetParam()];
         SCOPED_TRACE(testing::Message() << scene.name << " gap " << gap << " spacing " << spacing << " turn " << turn);
-        const DMat3 rotation = turn == 0 ? DMat3(1.0) : random_rotation(random);
+        const DMat3 rotation = turn == 0 ? DMat3(1.0) : test::random_rotation(random);
         const Staged staged = stage(scene, rotation, turn == 0 ? DVec3(0.0) : DVec3(0.31, 0.17, -0.23));
         TriangleMesh mesh = mesh_of(staged.before, spacing);
         for (Index v = 0; v < mesh.vertex_count(); ++v) {
@@ -193,7 +182,7 @@ TEST(Surgery, there_and_back_again) {
   for (const auto& [there, back] : pairs)
     for (int turn = 0; turn < 10; ++turn) {
       const double gap = 0.03;
-      const DMat3 rotation = random_rotation(random);
+      const DMat3 rotation = test::random_rotation(random);
       const Staged first = stage(scenes(gap)[there], rotation, DVec3(0.1));
       const Staged second = stage(scenes(gap)[back], rotation, DVec3(0.1));
       TriangleMesh mesh = mesh_of(first.before, 0.06);
@@ -280,7 +269,7 @@ TEST(Surgery, right_or_not_at_all) {
       CriticalPoint point;
       const double x = unit(random), y = unit(random), z = unit(random);
       point.position = 1.2 * DVec3(x, y, z);
-      point.hessian.vectors = random_rotation(random);
+      point.hessian.vectors = test::random_rotation(random);
       return point;
     };
     const SurgerySite site{anywhere(), anywhere()};

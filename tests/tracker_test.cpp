@@ -8,11 +8,13 @@
 #include <tbb/global_control.h>
 
 #include "core/field/skeleton_field.h"
+#include "core/io/ply.h"
 #include "core/io/scene.h"
 #include "core/mesh/validate.h"
 #include "kernels/opencl_backend.h"
 #include "tests/analytic_fields.h"
 #include "tests/digital_topology.h"
+#include "tests/temporary_folder.h"
 
 using namespace isoskin;
 using namespace isoskin::analytic;
@@ -238,22 +240,45 @@ TEST(Tracker, SameBytesWhateverTheNumberOfThreads) {
   expect_same_bytes(one.second, many.second);
 }
 
-TEST(Tracker, ResumingChangesNothing) {
-  const Scene scene = load_scene(data("two_points.toml"));
-  const int first = scene.source->first_frame();
+/// Sixteen balls in a box too small for them, thrown about: topology changes in nearly every frame, often several
+/// times.
+std::shared_ptr<const SkeletonField> crowd_at(double time) {
+  std::vector<SkeletonElement> elements;
+  for (int i = 0; i < 16; ++i) {
+    SkeletonElement ball;
+    const double a = 2.399963 * i;
+    ball.a = ball.b = DVec3(1.4 * std::sin(a + (1.0 + 0.13 * i) * time), 1.2 * std::cos(1.7 * a + 1.3 * time),
+                            1.2 * std::sin(2.3 * a - (0.7 + 0.11 * i) * time));
+    ball.radius = 0.7 + 0.2 * std::sin(5.0 * a);
+    elements.push_back(ball);
+  }
+  return std::make_shared<SkeletonField>(elements, 0.3);
+}
+
+TEST(Tracker, ResumingAfterAnyFrameChangesNothing) {
+  const test::TemporaryFolder folder;
+  constexpr int kFrames = 8;
+  const double e = 0.16;
   std::vector<FieldFrame> frames;
-  for (int k = 0; k < 4; ++k) frames.push_back(scene.source->load(first + k));
-  auto whole = opencl_tracker(*frames[0].field);
-  for (const FieldFrame& frame : frames) whole->advance(frame);
-  auto begun = opencl_tracker(*frames[0].field);
-  begun->advance(frames[0]);
-  begun->advance(frames[1]);
-  auto resumed = opencl_tracker(*frames[0].field);
-  resumed->resume(begun->mechanical(), frames[1]);
-  resumed->advance(frames[2]);
-  resumed->advance(frames[3]);
-  expect_same_bytes(whole->mechanical(), resumed->mechanical());
-  expect_same_bytes(whole->geometric().mesh, resumed->geometric().mesh);
+  for (int k = 0; k < kFrames; ++k) frames.push_back(frame_of(crowd_at(0.06 * k), k));
+  auto whole = opencl_tracker(*frames[0].field, e);
+  whole->advance(frames[0]);
+  std::size_t events = 0;
+  for (int k = 1; k < kFrames; ++k) {
+    SCOPED_TRACE(k);
+    // As the program does: through a file. Every frame follows from the one before, so all follow from any.
+    write_ply(folder / "skin.ply", whole->mechanical(), {}, {k - 1, frames[k - 1].time, whole->critical_points()});
+    PlyMesh skin = read_ply(folder / "skin.ply");
+    auto resumed = opencl_tracker(*frames[0].field, e);
+    resumed->resume(std::move(skin.mesh), frames[k - 1], skin.header.critical_points);
+    resumed->advance(frames[k]);
+    whole->advance(frames[k]);
+    for (const LedgerEntry& entry : whole->ledger()) events += entry.tier == 1;
+    expect_same_bytes(whole->mechanical(), resumed->mechanical());
+    expect_same_bytes(whole->geometric().mesh, resumed->geometric().mesh);
+    EXPECT_TRUE(whole->critical_points() == resumed->critical_points());
+  }
+  EXPECT_GE(events, 10u);
 }
 
 TEST(Tracker, SurfacesMayVanishAndReturn) {
@@ -268,11 +293,31 @@ TEST(Tracker, SurfacesMayVanishAndReturn) {
   EXPECT_TRUE(back.certified);
 }
 
+double resolved_edge_length(double given, const Field& field) {
+  TrackOptions options;
+  options.edge_length = given;
+  return resolved(options, field).edge_length;
+}
+
 TEST(Tracker, AbsurdEdgeLengthsAreRefused) {
   const SphereField ball(DVec3(0.0), 1.0);
-  for (const double e : {-1.0, 1e-9, 100.0, std::nan(""), double(INFINITY)}) {
-    TrackOptions options;
-    options.edge_length = e;
-    EXPECT_THROW(resolved(options, ball), InputError) << e;
-  }
+  const double diagonal = ball.bounds().diagonal();
+  for (const double e : {-1.0, 1e-9, diagonal / 4100.0, 1.01 * diagonal, 100.0, std::nan(""), double(INFINITY)})
+    EXPECT_THROW(resolved_edge_length(e, ball), InputError) << e;
+  for (const double e : {diagonal / 4090.0, 0.1, diagonal}) EXPECT_EQ(resolved_edge_length(e, ball), e);
+}
+
+TEST(Tracker, AGridMayHaveItsDefaultEdgeLengthHoweverManyVoxelsItHas) {
+  struct ManyVoxels final : Field {
+    SphereField ball{DVec3(0.0), 1.0};
+    FieldSample sample(const DVec3& p) const override { return ball.sample(p); }
+    Box bounds() const override { return ball.bounds(); }
+    Interval range(const Box& box) const override { return ball.range(box); }
+    double resolution() const override { return bounds().diagonal() / 10'000.0; }
+  };
+  const ManyVoxels grid;
+  const double usual = 1.5 * grid.resolution();
+  EXPECT_EQ(resolved_edge_length(0.0, grid), usual);
+  EXPECT_EQ(resolved_edge_length(usual, grid), usual);
+  EXPECT_THROW(resolved_edge_length(0.99 * usual, grid), InputError);
 }

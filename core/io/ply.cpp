@@ -55,6 +55,8 @@ constexpr std::size_t bytes_of(Scalar type) {
   return bytes[int(type)];
 }
 
+constexpr const char* kCriticalPoint = "critical_point";
+
 struct Property {
   std::string name;
   Scalar type = Scalar::float32;
@@ -273,6 +275,8 @@ public:
         read_vertices(element, numbers);
       } else if (element.name == "face") {
         read_faces(element, numbers);
+      } else if (element.name == kCriticalPoint) {
+        read_critical_points(element, numbers);
       } else {
         skip(element, numbers);
       }
@@ -372,6 +376,21 @@ private:
       }
   }
 
+  void read_critical_points(const Element& element, Numbers& numbers) {
+    std::vector<DVec3>& points = out_.header.critical_points.emplace();
+    const std::vector<Property>& xyz = element.properties;
+    if (xyz.size() != 3 || xyz[0].name != "x" || xyz[1].name != "y" || xyz[2].name != "z" ||
+        std::any_of(xyz.begin(), xyz.end(), [](const Property& p) { return p.count.has_value(); }))
+      fail(path_, fmt::format("expected properties x, y and z of element {}", kCriticalPoint));
+    points.resize(element.count);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      for (int k = 0; k < 3; ++k) {
+        points[i][k] = numbers.next(xyz[k].type);
+        if (!std::isfinite(points[i][k]))
+          fail(path_, fmt::format("{} {}: expected finite {}", kCriticalPoint, i, "xyz"[k]));
+      }
+  }
+
   Index corner(double value, std::size_t face) const {
     if (!(value >= 0.0 && value < double(kNone)) || value != std::floor(value))
       fail(path_, fmt::format("face {}: vertex index {} is not a whole number in range", face, value));
@@ -448,8 +467,12 @@ std::string header_text(const TriangleMesh& mesh, bool normals, const PlyHeader&
   for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "s", "t", "r", "vx", "vy", "vz"})
     if (normals || name[0] != 'n') text += fmt::format("property float {}\n", name);
   text += "property uint id\nproperty uint age\n";
-  text += fmt::format("element face {}\nproperty list uchar uint vertex_indices\nend_header\n", mesh.triangle_count());
-  return text;
+  text += fmt::format("element face {}\nproperty list uchar uint vertex_indices\n", mesh.triangle_count());
+  if (header.critical_points) {
+    text += fmt::format("element {} {}\n", kCriticalPoint, header.critical_points->size());
+    for (const char* name : {"x", "y", "z"}) text += fmt::format("property double {}\n", name);
+  }
+  return text + "end_header\n";
 }
 
 /// A file under a temporary name that vanishes unless it is committed.
@@ -511,7 +534,9 @@ void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std:
         fmt::format("write_ply: {} normals for {} vertices", normals.size(), mesh.vertex_count()));
   const std::string text = header_text(mesh, !normals.empty(), header);
   const std::size_t row = 4 * (normals.empty() ? 11 : 14), face = 1 + 3 * sizeof(Index);
-  std::vector<char> bytes(text.size() + row * mesh.vertex_count() + face * mesh.triangle_count());
+  const std::span<const DVec3> critical = header.critical_points ? *header.critical_points : std::span<const DVec3>();
+  std::vector<char> bytes(text.size() + row * mesh.vertex_count() + face * mesh.triangle_count() +
+                          critical.size_bytes());
   std::copy(text.begin(), text.end(), bytes.begin());
 
   char* const vertices = bytes.data() + text.size();
@@ -533,6 +558,7 @@ void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std:
     faces[face * t] = 3;
     std::memcpy(faces + face * t + 1, &mesh.vertex[3 * t], 3 * sizeof(Index));
   });
+  if (!critical.empty()) std::memcpy(faces + face * mesh.triangle_count(), critical.data(), critical.size_bytes());
   write_file_atomically(path, bytes);
 }
 

@@ -2,20 +2,26 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
 
-/// Writes x y z nx ny nz s t r vx vy vz id age (float32, ids and age uint32) and faces as uchar-counted uint32
-/// `vertex_indices`, to a temporary name in the same folder, flushed and then renamed. Header comments carry frame,
-/// time and next_id. Without normals the three columns are left out. Throws InputError naming the file when the disk is
-/// full or the folder cannot be written; nothing half-written stays.
+/// What a file says about its frame besides the mesh.
 struct PlyHeader {
   int frame = 0;
   double time = 0.0;
+  std::optional<std::vector<DVec3>> critical_points{};  // of the field: Tracker::critical_points()
 };
+
+/// Writes x y z nx ny nz s t r vx vy vz id age (float32, ids and age uint32), faces as uchar-counted uint32
+/// `vertex_indices` and, where they are known, critical points as an element `critical_point` of float64 x y z; to a
+/// temporary name in the same folder, flushed and then renamed. Header comments carry frame, time and next_id. Without
+/// normals the three columns are left out. Throws InputError naming the file when the disk is full or the folder cannot
+/// be written; nothing half-written stays.
 void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std::span<const Vec3> normals,
                const PlyHeader& header = {});
 

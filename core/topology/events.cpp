@@ -67,16 +67,13 @@ void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3
         seeds.push_back(0.5 * (ball[i].first + ball[j].first));
 }
 
-/// The points on a fine fixed raster: the same whether they were tracked here or searched for anew by a run that is
-/// resumed, for Newton from another start ends within a few ulps of the same place, not in it.
-std::vector<CriticalPoint> rastered(const std::vector<CriticalPoint>& points, const Field& field,
-                                    const CriticalOptions& options) {
-  constexpr double kRaster = 1e-5;  // of e, rounded to a power of two
-  const double raster = std::exp2(std::floor(std::log2(kRaster * options.edge_length)));
-  std::vector<CriticalPoint> result;
-  for (const CriticalPoint& p : points)
-    result.push_back(describe_critical_point(field, raster * glm::round(p.position / raster), options));
-  return result;
+/// The points merged and described by nothing but where they are.
+CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const Field> field,
+                       const EventOptions& options) {
+  merge_critical_points(points, options.critical.merge * options.critical.edge_length);
+  std::vector<DVec3> positions;
+  for (const CriticalPoint& point : points) positions.push_back(point.position);
+  return restore_critical_points(positions, std::move(field), options);
 }
 
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
@@ -103,10 +100,18 @@ std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, 
   return seeds;
 }
 
+CriticalState restore_critical_points(std::span<const DVec3> positions, std::shared_ptr<const Field> field,
+                                      const EventOptions& options) {
+  CriticalState state;
+  for (const DVec3& p : positions) state.points.push_back(describe_critical_point(*field, p, options.critical));
+  state.field = std::move(field);
+  return state;
+}
+
 CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<const Field> field, Backend& backend,
                                     const EventOptions& options) {
-  CriticalState state;
-  state.points = find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical).points;
+  std::vector<CriticalPoint> points =
+      find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical).points;
   const auto* skeleton = dynamic_cast<const SkeletonField*>(field.get());
   if (skeleton && can_be_searched_completely(*skeleton, options)) {
     // Farther below zero than this share of the level F is next to constant, and the next frames' searches will do.
@@ -117,12 +122,9 @@ CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<co
     search.least_box = options.critical.settled * options.critical.edge_length;
     const Box box = field->bounds().grown(options.critical.reach * options.critical.edge_length);
     const IntervalSearch all = find_all_critical_points(*skeleton, box, options.critical, search);
-    state.points.insert(state.points.end(), all.points.begin(), all.points.end());
+    points.insert(points.end(), all.points.begin(), all.points.end());
   }
-  merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
-  state.points = rastered(state.points, *field, options.critical);
-  state.field = std::move(field);
-  return state;
+  return state_of(std::move(points), std::move(field), options);
 }
 
 EventPlan plan_critical_events(const TriangleMesh& mesh, const CriticalState& state, std::shared_ptr<const Field> field,
@@ -174,12 +176,10 @@ EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state,
     report.events.push_back(operate(mesh, path, *plan.field, options.surgery));
     ++(report.events.back().done ? report.done : report.left_over);
   }
-  state.points.clear();
+  std::vector<CriticalPoint> points;
   for (const CriticalPath& path : plan.tracking.paths)
-    if (path.exists_after()) state.points.push_back(path.last);
-  merge_critical_points(state.points, options.critical.merge * options.critical.edge_length);
-  state.points = rastered(state.points, *plan.field, options.critical);
-  state.field = plan.field;
+    if (path.exists_after()) points.push_back(path.last);
+  state = state_of(std::move(points), plan.field, options);
   report.critical_points = state.points.size();
   report.degenerate = plan.degenerate;
   report.born = plan.tracking.born;

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,8 @@
 
 namespace isoskin {
 
-/// What one frame hands to the next: the field the mesh lies on and its critical points.
+/// What one frame hands to the next: the field the mesh lies on and its critical points. Where the points are says all:
+/// each is describe_critical_point() of its position, so that a state can be stored and restored exactly.
 struct CriticalState {
   std::shared_ptr<const Field> field;  // null before the first frame
   std::vector<CriticalPoint> points;
@@ -54,8 +56,12 @@ struct EventReport {
 /// those that overlap.
 std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend);
 
-/// The state a first frame begins with, or one that is resumed: the critical points of `field`, the backend's current
-/// one, on which `mesh` lies. A skeleton of points of norm 2 that is not too large is searched completely.
+/// The state of `field` with critical points at `positions`.
+CriticalState restore_critical_points(std::span<const DVec3> positions, std::shared_ptr<const Field> field,
+                                      const EventOptions& options);
+
+/// The state a first frame begins with: the critical points of `field`, the backend's current one, on which `mesh`
+/// lies. A skeleton of points of norm 2 that is not too large is searched completely.
 CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<const Field> field, Backend& backend,
                                     const EventOptions& options);
 
