@@ -40,8 +40,9 @@ public:
   virtual ProjectReport project(std::span<Vec3> points, const ProjectOptions& options,
                                 std::span<ProjectStatus> status) = 0;
 
-  /// Makes `mesh` the resident mesh: positions and topology are copied in.
-  virtual void set_mesh(const TriangleMesh& mesh) = 0;
+  /// Makes `mesh` the resident mesh: positions and topology are copied in. It may have borders, and needs no twins.
+  /// `pinned` (one byte a vertex, or none): relax() does not move a pinned vertex but onto the surface.
+  virtual void set_mesh(const TriangleMesh& mesh, std::span<const std::uint8_t> pinned = {}) = 0;
 
   /// Relaxes the resident mesh: per step assemble, filtered CG, move, project. The field must be set.
   virtual RelaxReport relax(const RelaxOptions& relax, const ProjectOptions& project) = 0;

@@ -68,14 +68,16 @@ public:
     return project_points(field(), options, points, own);
   }
 
-  void set_mesh(const TriangleMesh& mesh) override {
+  void set_mesh(const TriangleMesh& mesh, std::span<const std::uint8_t> pinned) override {
+    require(pinned.empty() || pinned.size() == mesh.vertex_count(), "set_mesh needs one byte a vertex, or none");
     topology_ = skin_topology(mesh);
     positions_ = mesh.vertices.position;
+    pinned_.assign(pinned.begin(), pinned.end());
     status_.assign(positions_.size(), ProjectStatus::converged);
   }
 
   RelaxReport relax(const RelaxOptions& relax, const ProjectOptions& project) override {
-    return relax_skin(topology_, field(), relax, project, positions_, status_);
+    return relax_skin(topology_, field(), relax, project, positions_, status_, pinned_);
   }
 
   ProjectReport project_mesh(const ProjectOptions& options) override {
@@ -114,6 +116,7 @@ private:
   std::shared_ptr<const Field> field_;
   SkinTopology topology_{{}, {{0}, {}}};
   std::vector<Vec3> positions_;
+  std::vector<std::uint8_t> pinned_;  // one a vertex, or none
   std::vector<ProjectStatus> status_;
 };
 

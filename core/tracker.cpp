@@ -99,6 +99,13 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
   }
 }
 
+/// While new skin settles, the field stands still, and nothing has to wait for the next frame.
+AlterOptions unlocked_and_still(AlterOptions options) {
+  options.respect_locks = false;
+  options.dt = 0.0f;
+  return options;
+}
+
 /// Lattice corners farther than the tolerance from the surface on whose side mesh and field differ.
 std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                                 double tolerance) {
@@ -318,13 +325,33 @@ void Tracker::relax(FrameReport& report) {
 }
 
 RelaxReport Tracker::relax_once() {
-  backend_->set_mesh(mesh_);
+  std::vector<std::uint8_t> pinned(mesh_.vertex_count());
+  for (const Index v : held_vertices()) pinned[v] = 1;
+  backend_->set_mesh(mesh_, pinned);
   const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
   const auto positions = backend_->positions();
-  std::vector<Vec3> moved(positions.begin(), positions.end());
-  hold(moved);
-  mesh_.vertices.position = std::move(moved);
+  mesh_.vertices.position.assign(positions.begin(), positions.end());
   return relaxed;
+}
+
+/// The rest does not move at all, and costs nothing. Returns the part's inverted triangles, one byte a triangle of the
+/// whole.
+std::vector<std::uint8_t> Tracker::relax_part(const MeshPart& part) {
+  const std::vector<std::uint8_t> frozen = part.frozen(mesh_);
+  const OpenPart open = open_part(mesh_, frozen);
+  std::vector<std::uint8_t> pinned = frozen;
+  for (const Index v : held_vertices()) pinned[v] = 1;
+  std::vector<std::uint8_t> part_pinned;
+  for (const Index v : open.vertex) part_pinned.push_back(pinned[v]);
+  backend_->set_mesh(open.mesh, part_pinned);
+  backend_->relax(options_.relax, options_.project);
+  const auto positions = backend_->positions();
+  for (std::size_t i = 0; i < open.vertex.size(); ++i)
+    if (!frozen[open.vertex[i]]) mesh_.vertices.position[open.vertex[i]] = positions[i];
+  std::vector<std::uint8_t> part_inverted(open.triangle.size()), inverted(mesh_.triangle_count(), 0);
+  backend_->inverted_triangles(part_inverted);
+  for (std::size_t i = 0; i < open.triangle.size(); ++i) inverted[open.triangle[i]] = part_inverted[i];
+  return inverted;
 }
 
 /// Vertices that are only projected: elements of edge e do not fit where they are.
@@ -336,16 +363,6 @@ std::vector<Index> Tracker::held_vertices() const {
   std::vector<Index> both;
   std::set_union(held.begin(), held.end(), necks.begin(), necks.end(), std::back_inserter(both));
   return both;
-}
-
-/// Held vertices are projected from where they were instead.
-void Tracker::hold(std::vector<Vec3>& moved) {
-  const std::vector<Index> held = held_vertices();
-  if (held.empty()) return;
-  std::vector<Vec3> position;
-  for (const Index v : held) position.push_back(mesh_.position(v));
-  backend_->project(position, options_.project, {});
-  for (std::size_t i = 0; i < held.size(); ++i) moved[held[i]] = position[i];
 }
 
 BrickLattice Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
@@ -399,30 +416,30 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool wid
   if (sites.point.empty()) return;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
+  reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
+  const Index first_new = mesh_.next_id;
   const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
                                             evidence.topology, *backend_, reskin_options);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return;
   report.reextracted[1] += share_of_area(done.area);
   report.repairs += 1;
-  settle_new_skin();
+  settle_new_skin(first_new);
   Box box;
   for (const Vec3& p : sites.point) box.add(DVec3(p));
   ledger_.push_back({frame.frame, frame.time, "reskin", 2, box.center(), before - done.first_new_vertex,
                      std::chrono::duration<double, std::milli>(Clock::now() - begin).count()});
 }
 
-/// Coarsens and relaxes what reskin() left dense. Whole-mesh passes: the rest is near equilibrium and hardly moves.
-void Tracker::settle_new_skin() {
-  AlterOptions alter_options = options_.alter;
-  alter_options.respect_locks = false;
-  alter_options.dt = 0.0f;  // the field stands still while the skin settles
-  for (int pass = 0; pass < options_.reskin_collapse_passes; ++pass) alter(mesh_, alter_options);
+/// What reskin() made and its surroundings become near-equilateral; the rest of the mesh is not touched.
+void Tracker::settle_new_skin(Index first_new) {
+  const MeshPart part(mesh_, first_new, options_.reskin_rings);
+  const AlterOptions alter_options = unlocked_and_still(options_.alter);
   for (int round = 0; round < options_.reskin_rounds; ++round) {
-    relax_once();
-    alter(mesh_, alter_options, inverted_triangles());
+    const std::vector<std::uint8_t> inverted = relax_part(part);
+    alter(mesh_, alter_options, inverted, part.frozen(mesh_));
   }
-  relax_once();
+  relax_part(part);
 }
 
 std::vector<std::uint8_t> Tracker::inverted_triangles() {

@@ -10,6 +10,7 @@
 
 #include "core/backend.h"
 #include "core/mechanics/alter.h"
+#include "core/mesh/mesh_part.h"
 #include "core/refine/refine.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/events.h"
@@ -33,10 +34,10 @@ struct TrackOptions {
   BadSiteOptions wide_sites{
       .stray_vertex = 0.25, .stray_centre = 0.75, .strict = true};  // a second one, where it failed
   ReskinOptions reskin;                                             // local repair; edge_length is filled in
-  std::size_t small_piece = 100;   // failed pieces of at most so many vertices are replaced whole
-  int reskin_collapse_passes = 3;  // alter() calls after a local repair, before its first relaxation
-  int reskin_rounds = 4;           // relax + alter rounds after them
-  RefineOptions refine;            // alpha_r and N_p of the geometric mesh
+  std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
+  int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
+  int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
+  RefineOptions refine;           // alpha_r and N_p of the geometric mesh
 };
 
 /// Fills in every length that is 0 from the first frame's field. Throws InputError for an edge length that is NaN,
@@ -113,13 +114,13 @@ private:
   void project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status);
   void relax(FrameReport& report);
   RelaxReport relax_once();
+  std::vector<std::uint8_t> relax_part(const MeshPart& part);
   std::vector<Index> held_vertices() const;
-  void hold(std::vector<Vec3>& moved);
   std::vector<std::uint8_t> inverted_triangles();
   BrickLattice handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report);
-  void settle_new_skin();
+  void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;
   void refine(const Field& field, const BrickLattice& lattice);

@@ -1,4 +1,5 @@
-// Conjugate gradients for (I + dt K) dx = dt f, filtered with S = I - n n^T at each vertex (core/mechanics/relax.h).
+// Conjugate gradients for (I + dt K) dx = dt f, filtered at each vertex with S = I - n n^T, or S = 0 where it is pinned
+// (core/mechanics/relax.h).
 // Every work item owns a fixed share of the vertices, so a sum has the same tree whatever the device does; one item
 // finishes the partial sums in order and keeps the scalars. After convergence all kernels return at once.
 #pragma OPENCL FP_CONTRACT OFF
@@ -43,6 +44,11 @@ typedef struct {
   float beta;
 } CgState;
 
+// S a at one vertex.
+INLINE float3 filtered(float3 a, float3 n, uchar pinned) {
+  return pinned ? (float3)(0.0f) : a - dot(n, a) * n;
+}
+
 INLINE float3 gather_corners(global const uint* first, global const uint* corner, global const float* slots, uint v) {
   float3 sum = (float3)(0.0f);
   const uint end = first[v + 1];
@@ -52,8 +58,8 @@ INLINE float3 gather_corners(global const uint* first, global const uint* corner
 
 // r = p = S dt f with f minus the gathered slots; x = 0.
 kernel void start(global const uint* first, global const uint* corner, global const float* slots,
-                  global const float* normals, global float* x, global float* r, global float* p, global float* partial,
-                  float dt, const Share share) {
+                  global const float* normals, global const uchar* pinned, global float* x, global float* r,
+                  global float* p, global float* partial, float dt, const Share share) {
   const uint item = get_global_id(0);
   if (item >= share.items) return;
   float sum = 0.0f;
@@ -61,9 +67,7 @@ kernel void start(global const uint* first, global const uint* corner, global co
     const uint v = OWN(k);
     float3 f = (float3)(0.0f);
     if (v < share.vertices) {
-      const float3 n = vload3(v, normals);
-      f = -dt * gather_corners(first, corner, slots, v);
-      f -= dot(n, f) * n;
+      f = filtered(-dt * gather_corners(first, corner, slots, v), vload3(v, normals), pinned[v]);
     }
     vstore3((float3)(0.0f), v, x);
     vstore3(f, v, r);
@@ -75,8 +79,8 @@ kernel void start(global const uint* first, global const uint* corner, global co
 
 // q = S (p + dt K p) with K p gathered from the slots; partial sums of p.q.
 kernel void product(global const uint* first, global const uint* corner, global const float* slots,
-                    global const float* normals, global const float* p, global float* q, global float* partial,
-                    global const CgState* state, float dt, const Share share) {
+                    global const float* normals, global const uchar* pinned, global const float* p, global float* q,
+                    global float* partial, global const CgState* state, float dt, const Share share) {
   const uint item = get_global_id(0);
   if (item >= share.items || state->done) return;
   float sum = 0.0f;
@@ -84,10 +88,8 @@ kernel void product(global const uint* first, global const uint* corner, global 
     const uint v = OWN(k);
     float3 a = (float3)(0.0f);
     if (v < share.vertices) {
-      const float3 n = vload3(v, normals);
       const float3 d = vload3(v, p);
-      a = d + dt * gather_corners(first, corner, slots, v);
-      a -= dot(n, a) * n;
+      a = filtered(d + dt * gather_corners(first, corner, slots, v), vload3(v, normals), pinned[v]);
       sum += dot(d, a);
     }
     vstore3(a, v, q);

@@ -42,13 +42,13 @@ void ConjugateGradients::solve(const ResidentMesh& mesh, const Array<Vec3>& norm
   const Share own = share(mesh.vertex_count());
   for (Array<float>* vector : {&x_, &r_, &p_, &q_}) vector->resize(std::size_t{3} * own.items * own.each);
   partial_.resize(own.items);
-  device_->launch_shares(start_, own.items, mesh.first, mesh.corner, elements.slots(), normals, x_, r_, p_, partial_,
-                         options.dt, own);
+  device_->launch_shares(start_, own.items, mesh.first, mesh.corner, elements.slots(), normals, mesh.pinned, x_, r_, p_,
+                         partial_, options.dt, own);
   device_->launch_shares(finish_start_, 1, partial_, state_, options.cg_tolerance, own.items);
   for (int i = 0; i < options.cg_iterations; ++i) {
     elements.product(mesh, p_, state_, options);
-    device_->launch_shares(product_, own.items, mesh.first, mesh.corner, elements.slots(), normals, p_, q_, partial_,
-                           state_, options.dt, own);
+    device_->launch_shares(product_, own.items, mesh.first, mesh.corner, elements.slots(), normals, mesh.pinned, p_, q_,
+                           partial_, state_, options.dt, own);
     device_->launch_shares(finish_alpha_, 1, partial_, state_, own.items);
     device_->launch_shares(advance_, own.items, x_, r_, p_, q_, partial_, state_, own);
     device_->launch_shares(finish_beta_, 1, partial_, state_, options.cg_tolerance, own.items);

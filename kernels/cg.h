@@ -16,8 +16,8 @@ public:
 
   /// Launches only: forgets the iterations counted so far.
   void reset();
-  /// Launches only: solves (I + dt K) dx = dt f, filtered with S = I - n n^T, for the forces and the stiffness that
-  /// `elements` has frozen.
+  /// Launches only: solves (I + dt K) dx = dt f, filtered with S = I - n n^T (0 where pinned), for the forces and the
+  /// stiffness that `elements` has frozen.
   void solve(const ResidentMesh& mesh, const Array<Vec3>& normals, Elements& elements, const RelaxOptions& options);
   /// Launches only: moves the resident positions by dx, each at most `longest`.
   void move(ResidentMesh& mesh, float longest);

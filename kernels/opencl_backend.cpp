@@ -97,12 +97,13 @@ public:
     return report;
   }
 
-  void set_mesh(const TriangleMesh& mesh) override {
+  void set_mesh(const TriangleMesh& mesh, std::span<const std::uint8_t> pinned) override {
+    require(pinned.empty() || pinned.size() == mesh.vertex_count(), "set_mesh needs one byte a vertex, or none");
     require(mesh.vertex.size() < kPiece * 3 && mesh.vertex_count() < kPiece,
             "the mesh is too large for 32-bit indices");
     const Span span("set_mesh");
     close_views();
-    mesh_.set(mesh);
+    mesh_.set(mesh, pinned);
     device_.finish();
   }
 

@@ -40,6 +40,7 @@ void for_each_leaving(const TriangleMesh& mesh, Index h, const Visit& visit) {
 struct EdgeState {
   const TriangleMesh& mesh;
   const AlterOptions& options;
+  const std::vector<std::uint8_t>& frozen;
 
   float squared_length(Index h) const { return squared(mesh.position(mesh.to(h)) - mesh.position(mesh.from(h))); }
 
@@ -55,17 +56,20 @@ struct EdgeState {
   bool compressed(Index h) const { return growth(h) < -options.rate * options.edge_length; }
 
   bool locked(Index h) const {
-    const auto& age = mesh.vertices.age;
-    return options.respect_locks && (age[mesh.from(h)] == 0 || age[mesh.to(h)] == 0);
+    const auto left_alone = [&](Index v) {
+      return (options.respect_locks && mesh.vertices.age[v] == 0) || (v < frozen.size() && frozen[v]);
+    };
+    return left_alone(mesh.from(h)) || left_alone(mesh.to(h));
   }
 };
 
 /// Splits conflict when the pairs of triangles they cut share an edge.
 class Splits {
 public:
-  Splits(TriangleMesh& mesh, const AlterOptions& options, std::vector<std::uint8_t>& inverted)
+  Splits(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen,
+         std::vector<std::uint8_t>& inverted)
       : mesh_(mesh),
-        state_{mesh, options},
+        state_{mesh, options, frozen},
         inverted_(inverted),
         limit_(options.longest * options.edge_length * options.longest * options.edge_length) {}
 
@@ -122,9 +126,9 @@ private:
 /// Collapses conflict when an end of one lies in the rings of the other's ends.
 class Collapses {
 public:
-  Collapses(TriangleMesh& mesh, const AlterOptions& options)
+  Collapses(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen)
       : mesh_(mesh),
-        state_{mesh, options},
+        state_{mesh, options, frozen},
         longest_(options.longest * options.edge_length * options.longest * options.edge_length),
         least_cosine_(std::cos(glm::radians(options.max_collapse_turn))) {
     restrict_to(1.0f);
@@ -298,8 +302,8 @@ private:
   std::vector<Index> valence_;
 };
 
-std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options) {
-  Collapses collapses(mesh, options);
+std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen) {
+  Collapses collapses(mesh, options, frozen);
   std::vector<Index> candidates = wanted_edges(mesh, collapses);
   std::size_t done = 0;
   if (double(candidates.size()) > kManyCollapses * double(mesh.vertex.size() / 2)) {
@@ -315,16 +319,20 @@ std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options) {
 
 }  // namespace
 
-AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted) {
+AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted,
+                  const std::vector<std::uint8_t>& frozen) {
   // Flips heed the locks of earlier edits, not of this call's: they mend what splits and collapses leave.
-  std::vector<std::uint8_t> locked(options.respect_locks ? mesh.vertex_count() : 0);
-  for_each_index(locked.size(), [&](std::size_t v) { locked[v] = mesh.vertices.age[v] == 0; });
+  std::vector<std::uint8_t> locked = frozen;
+  if (options.respect_locks) {
+    locked.resize(mesh.vertex_count(), 0);
+    for_each_index(locked.size(), [&](std::size_t v) { locked[v] |= mesh.vertices.age[v] == 0; });
+  }
 
   AlterReport report;
   std::vector<std::uint8_t> inverted_now = inverted;
-  Splits splits(mesh, options, inverted_now);
+  Splits splits(mesh, options, frozen, inverted_now);
   report.splits = edit_independently(mesh, splits, wanted_edges(mesh, splits), kSplitRounds);
-  report.collapses = collapse(mesh, options);
+  report.collapses = collapse(mesh, options, frozen);
   if (options.flip) {
     Flips flips(mesh, options, locked);
     report.flips = edit_independently(mesh, flips, wanted_edges(mesh, flips), kFlipRounds);

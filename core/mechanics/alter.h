@@ -33,6 +33,9 @@ struct AlterReport {
 /// to an end where the middle does harm. A flip must lower  sum over triangles (cot A + cot B + cot C) / sqrt 3  +  0.3
 /// sum over vertices (valence - 6)^2. The first sum alone is least for Delaunay triangulations (Rippa 1990); valence is
 /// what limits the angles relaxation can reach. One sum that only falls cannot oscillate.
-AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {});
+/// `frozen` (one byte a vertex, may be empty): edges, and quads, with a frozen vertex are left alone, whatever the
+/// ages.
+AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {},
+                  const std::vector<std::uint8_t>& frozen = {});
 
 }  // namespace isoskin

@@ -55,10 +55,11 @@ SkinTopology skin_topology(const TriangleMesh& mesh) {
 }
 
 Skin::Skin(const SkinTopology& topology, std::span<const DVec3> positions, std::span<const DVec3> normals,
-           std::span<const std::uint8_t> inverted, const RelaxOptions& options)
+           std::span<const std::uint8_t> inverted, const RelaxOptions& options, std::span<const std::uint8_t> pinned)
     : topology_(topology),
       positions_(positions),
       normals_(normals),
+      pinned_(pinned),
       mechanics_(options.mechanics),
       material_{options.edge_length, options.young, options.poisson, options.spring},
       corner_values_(topology.triangle_count()) {
@@ -105,7 +106,9 @@ void Skin::stiffness_times(std::span<const DVec3> d, std::span<DVec3> product) c
 }
 
 void Skin::filter(std::span<DVec3> d) const {
-  for_each_index(d.size(), [&](std::size_t v) { d[v] -= glm::dot(normals_[v], d[v]) * normals_[v]; });
+  for_each_index(d.size(), [&](std::size_t v) {
+    d[v] = !pinned_.empty() && pinned_[v] ? DVec3(0.0) : d[v] - glm::dot(normals_[v], d[v]) * normals_[v];
+  });
 }
 
 QuasiStaticMove quasi_static_move(const Skin& skin, const RelaxOptions& options) {
@@ -194,7 +197,8 @@ ProjectReport project_points(const Field& field, const ProjectOptions& options, 
 }
 
 RelaxReport relax_skin(const SkinTopology& topology, const Field& field, const RelaxOptions& relax,
-                       const ProjectOptions& project, std::span<Vec3> positions, std::span<ProjectStatus> status) {
+                       const ProjectOptions& project, std::span<Vec3> positions, std::span<ProjectStatus> status,
+                       std::span<const std::uint8_t> pinned) {
   check(relax);
   const std::size_t n = positions.size();
   const double max_move = double(relax.max_move) * relax.edge_length;
@@ -210,7 +214,7 @@ RelaxReport relax_skin(const SkinTopology& topology, const Field& field, const R
   for (; report.steps < relax.steps; ++report.steps) {
     field_normals(field, x, normals);
     mark_inverted(topology.vertex, x, normals, inverted);
-    const Skin skin(topology, x, normals, inverted, relax);
+    const Skin skin(topology, x, normals, inverted, relax, pinned);
     const QuasiStaticMove solved = quasi_static_move(skin, relax);
     for_each_index(n, [&](std::size_t i) { x[i] += clamped(solved.move[i], max_move); });
     put_on_surface();

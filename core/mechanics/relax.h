@@ -56,15 +56,16 @@ SkinTopology skin_topology(const TriangleMesh& mesh);
 /// per vertex in the order of its corners, so they do not depend on the number of threads.
 class Skin {
 public:
-  /// `normals`: outward, unit or zero, one a vertex. `inverted`: one byte a triangle. All are referred to, not copied.
+  /// `normals`: outward, unit or zero, one a vertex. `inverted`: one byte a triangle. `pinned`: one byte a vertex, or
+  /// none. All are referred to, not copied.
   Skin(const SkinTopology& topology, std::span<const DVec3> positions, std::span<const DVec3> normals,
-       std::span<const std::uint8_t> inverted, const RelaxOptions& options);
+       std::span<const std::uint8_t> inverted, const RelaxOptions& options, std::span<const std::uint8_t> pinned = {});
 
   /// f(x), one a vertex.
   std::vector<DVec3> forces() const;
   /// K d = -df/dx d, one a vertex.
   void stiffness_times(std::span<const DVec3> d, std::span<DVec3> product) const;
-  /// S d with S = I - n n^T at each vertex.
+  /// S d with S = I - n n^T at each vertex, 0 where it is pinned.
   void filter(std::span<DVec3> d) const;
 
   std::size_t vertex_count() const { return positions_.size(); }
@@ -75,6 +76,7 @@ private:
 
   const SkinTopology& topology_;
   std::span<const DVec3> positions_, normals_;
+  std::span<const std::uint8_t> pinned_;
   Mechanics mechanics_;
   ElementMaterial material_;
   std::vector<ElementFrame> frames_;  // fem only
@@ -109,8 +111,9 @@ ProjectReport project_points(const Field& field, const ProjectOptions& options, 
 
 /// Float64 definition of Backend::relax on `positions`. Each step: normals and inversions, quasi_static_move, moves
 /// clamped to max_move e, projection; then, if wanted, sharp_pulls times the sharp pull and projection. A vertex that
-/// is not projected keeps its moved place. Throws std::invalid_argument for options out of range.
+/// is not projected keeps its moved place. `pinned` as in Skin. Throws std::invalid_argument for options out of range.
 RelaxReport relax_skin(const SkinTopology& topology, const Field& field, const RelaxOptions& relax,
-                       const ProjectOptions& project, std::span<Vec3> positions, std::span<ProjectStatus> status);
+                       const ProjectOptions& project, std::span<Vec3> positions, std::span<ProjectStatus> status,
+                       std::span<const std::uint8_t> pinned = {});
 
 }  // namespace isoskin

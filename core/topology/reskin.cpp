@@ -512,6 +512,12 @@ Attempt attempt(const TriangleMesh& mesh, const MeshPieces& pieces, const std::s
   return result;
 }
 
+/// The lattice has several times as many triangles as wanted.
+void coarsen(TriangleMesh& mesh, Index first_new, const ReskinOptions& options) {
+  const std::vector<std::uint8_t> frozen(first_new, 1);
+  for (int pass = 0; pass < options.collapse_passes; ++pass) alter(mesh, options.alter, {}, frozen);
+}
+
 double area_of_new(const TriangleMesh& mesh, Index first_new, std::size_t& triangles) {
   double area = 0.0;
   for (Index h = 0; h < mesh.vertex.size(); h += 3) {
@@ -541,8 +547,9 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
       report = tried.report;
       const TriangleMesh old = std::move(mesh);
       mesh = std::move(*tried.mesh);
-      carry_attributes(mesh, report.first_new_vertex, old, backend);
       report.area = area_of_new(mesh, report.first_new_vertex, report.triangles_added);
+      coarsen(mesh, report.first_new_vertex, options);
+      carry_attributes(mesh, report.first_new_vertex, old, backend);
       break;
     }
     if (growth++ < options.growths) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/backend.h"
+#include "core/mechanics/alter.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/bad_sites.h"
@@ -17,6 +18,8 @@ struct ReskinOptions {
   double radius = 1.0;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
   double margin = 2.5;       // how far beyond the emptied region the lattice's surface is built, in units of e
   int growths = 4;           // times a region whose seam fails is grown by `radius` before its piece is given up
+  AlterOptions alter;        // how the lattice's triangles are coarsened to near e, vertices that stay left alone
+  int collapse_passes = 3;   // calls of alter() for it
 };
 
 struct ReskinReport {
@@ -33,8 +36,8 @@ struct ReskinReport {
 /// the same side, neighbours joined by shortest paths), keeps the part that faces the hole and welds it. Closed pieces
 /// of the lattice's surface that failed and have no mesh any more are added, emptied pieces of mesh are not; pieces
 /// that passed are not touched. The result is a closed, oriented 2-manifold; vertices that stay are not moved and keep
-/// their ids and their order. Dense where new: alter() and relax() make it near-equilateral. The backend must hold the
-/// field. Deterministic.
+/// their ids and their order; new ones come last. The filling is dense and is coarsened here; alter() and relax() of
+/// the part about it (core/mesh/mesh_part.h) make it near-equilateral. The backend must hold the field. Deterministic.
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options);

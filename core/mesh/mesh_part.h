@@ -1,0 +1,35 @@
+// A part of a mesh that may be edited and relaxed while the rest stays as it is.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+/// The new vertices of a mesh and the old ones within some rings of them. They are known by their ids, so that the part
+/// goes on through edits, and what edits add to it belongs to it.
+class MeshPart {
+public:
+  /// New are the vertices with ids from `first_new` on.
+  MeshPart(const TriangleMesh& mesh, Index first_new, int rings);
+
+  /// One byte a vertex: 1 where it is not of the part.
+  std::vector<std::uint8_t> frozen(const TriangleMesh& mesh) const;
+
+private:
+  Index first_new_;
+  std::vector<Index> ring_;  // ids, ascending
+};
+
+/// Some of a mesh's triangles, with borders and without twins, and where they come from.
+struct OpenPart {
+  TriangleMesh mesh;            // positions only, in the whole mesh's order
+  std::vector<Index> vertex;    // per vertex: its number in the whole mesh
+  std::vector<Index> triangle;  // per triangle: the same
+};
+
+/// The triangles with a vertex that is not frozen.
+OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
+
+}  // namespace isoskin
