@@ -233,6 +233,36 @@ TEST(Alter, LockedVerticesAreLeftAlone) {
   }
 }
 
+TEST(Alter, FrozenVerticesKeepTheirBytesAndTheirEdges) {
+  for (const float edge : {0.03f, 0.5f}) {  // everything wants to be split, or collapsed
+    TriangleMesh mesh = icosphere(4);
+    jitter(mesh, 0.02f, 3);
+    grow_old(mesh);
+    const TriangleMesh before = mesh;
+    std::vector<std::uint8_t> frozen(mesh.vertex_count());
+    for (Index v = 0; v < frozen.size(); ++v) frozen[v] = mesh.position(v).z < 0.0f;
+    const AlterReport report = alter(mesh, free_options(edge), {}, frozen);
+    EXPECT_EQ(fault(mesh), "");
+    EXPECT_GT(report.splits + report.collapses, 500u);
+    std::map<Index, Index> row;
+    for (Index v = 0; v < mesh.vertex_count(); ++v) row[mesh.vertices.id[v]] = v;
+    std::set<std::pair<Index, Index>> edges;  // by ids
+    for (Index h = 0; h < mesh.vertex.size(); ++h)
+      edges.emplace(mesh.vertices.id[mesh.from(h)], mesh.vertices.id[mesh.to(h)]);
+    for (Index v = 0; v < frozen.size(); ++v) {
+      if (!frozen[v]) continue;
+      ASSERT_TRUE(row.count(before.vertices.id[v]));
+      const Index now = row[before.vertices.id[v]];
+      EXPECT_EQ(mesh.position(now), before.position(v));
+      EXPECT_EQ(mesh.vertices.age[now], before.vertices.age[v]);
+    }
+    for (Index h = 0; h < before.vertex.size(); ++h) {
+      if (!frozen[before.from(h)] || !frozen[before.to(h)]) continue;
+      EXPECT_TRUE(edges.count({before.vertices.id[before.from(h)], before.vertices.id[before.to(h)]}));
+    }
+  }
+}
+
 TEST(Alter, TouchedVerticesAreYoungAndOthersKeepTheirAge) {
   TriangleMesh mesh = icosphere(3);
   grow_old(mesh);
