@@ -113,6 +113,7 @@ int run(const TrackCommand& command) {
                    deciding_options(command, options, *scene.source, *frame.field, backend->name()));
   Tracker tracker(std::move(backend), options);
 
+  std::optional<FieldFrame> following;  // the second frame tells the first how it moves
   int next = first;
   if (!command.resume) {
     folder.start();
@@ -126,9 +127,10 @@ int run(const TrackCommand& command) {
   {
     Progress progress(next - first, last - first + 1, command.quiet);
     for (; next <= last && !interrupted(); ++next) {
-      if (frame.frame != next) frame = loader.load(next);
+      if (frame.frame != next) frame = following ? *std::exchange(following, {}) : loader.load(next);
+      if (next == first && next < last) following = loader.load(next + 1);
       const auto frame_begin = Clock::now();
-      FrameReport report = tracker.advance(frame);
+      FrameReport report = tracker.advance(frame, following ? &*following : nullptr);
       report.ms.emplace(report.ms.begin(), "load", loader.ms);
       const Json line = folder.write_frame(frame, std::move(report), tracker, loader.ms + milliseconds(frame_begin));
       if (command.json) {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/mechanics/motion.h"
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/parallel.h"
@@ -179,12 +180,13 @@ std::optional<std::vector<DVec3>> Tracker::critical_points() const {
   return positions;
 }
 
-FrameReport Tracker::advance(const FieldFrame& frame) {
+FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   FrameReport report;
   report.frame = frame.frame;
   report.time = frame.time;
   const std::vector<Index> before = sorted_ids(mesh_);
   options_.alter.dt = float(seconds_to(frame));
+  material_is_known_ = frame.velocity != nullptr;
   {
     Step step(report, "advance");
     backend_->set_field(frame.field);
@@ -192,11 +194,19 @@ FrameReport Tracker::advance(const FieldFrame& frame) {
   operate(frame, report);
   {
     Step step(report, "predict");
-    predict(frame);
+    for (Index& age : mesh_.vertices.age) ++age;
+    predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project);
     grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
   }
   relax(report);
   const BrickLattice lattice = handle_events(frame, report);
+  {
+    Step step(report, "predict");
+    if (frame.velocity)
+      sample_velocities(mesh_, *frame.velocity);
+    else if (!started_ && next)
+      estimate_velocities(mesh_, *next->field, next->time - frame.time, *backend_);
+  }
   {
     Step step(report, "refine");
     refine(*frame.field, lattice);
@@ -260,55 +270,6 @@ void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameRe
     if (event.done) ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
 }
 
-void Tracker::predict(const FieldFrame& frame) {
-  VertexTable& vertices = mesh_.vertices;
-  const double dt = seconds_to(frame);
-  const std::vector<Vec3> old = vertices.position;
-  const auto velocity = [&](Index v) {
-    return frame.velocity ? Vec3(frame.velocity->velocity(DVec3(old[v]))) : vertices.velocity[v];
-  };
-  for_each_index(mesh_.vertex_count(), [&](std::size_t v) {
-    ++vertices.age[v];
-    vertices.position[v] += float(dt) * velocity(Index(v));
-  });
-  std::vector<ProjectStatus> status(mesh_.vertex_count());
-  backend_->project(vertices.position, options_.project, status);
-  project_again_from(old, status);
-  set_velocities(frame, old, status, dt);
-}
-
-/// From the grid where there is one; else the surface's own motion, which is normal. What a vertex slid sideways is not
-/// the surface's, and would feed on itself if the next prediction used it.
-void Tracker::set_velocities(const FieldFrame& frame, const std::vector<Vec3>& old,
-                             const std::vector<ProjectStatus>& status, double dt) {
-  VertexTable& vertices = mesh_.vertices;
-  std::vector<float> values(vertices.size());
-  std::vector<Vec3> gradients(vertices.size());
-  backend_->evaluate(vertices.position, values, gradients);
-  for_each_index(vertices.size(), [&](std::size_t v) {
-    const Vec3 n = Vec3(outward_normal(DVec3(gradients[v])));
-    const bool moved = dt > 0.0 && status[v] == ProjectStatus::converged;
-    vertices.velocity[v] = moved ? glm::dot(vertices.position[v] - old[v], n) / float(dt) * n : Vec3(0.0f);
-    if (frame.velocity) vertices.velocity[v] = Vec3(frame.velocity->velocity(DVec3(vertices.position[v])));
-  });
-}
-
-/// Where the prediction missed the surface, the old position may still find it.
-void Tracker::project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status) {
-  std::vector<Index> failed;
-  for (Index v = 0; v < status.size(); ++v)
-    if (status[v] != ProjectStatus::converged) failed.push_back(v);
-  if (failed.empty()) return;
-  std::vector<Vec3> points;
-  for (const Index v : failed) points.push_back(old[v]);
-  std::vector<ProjectStatus> again(points.size());
-  backend_->project(points, options_.project, again);
-  for (std::size_t i = 0; i < failed.size(); ++i) {
-    mesh_.vertices.position[failed[i]] = points[i];
-    status[failed[i]] = again[i];
-  }
-}
-
 void Tracker::relax(FrameReport& report) {
   std::vector<std::uint8_t> inverted;
   for (int round = 0; round < options_.rounds; ++round) {
@@ -330,7 +291,8 @@ RelaxReport Tracker::relax_once() {
   backend_->set_mesh(mesh_, pinned);
   const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
   const auto positions = backend_->positions();
-  mesh_.vertices.position.assign(positions.begin(), positions.end());
+  const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
+  if (material_is_known_) slide_rest(mesh_, before);
   return relaxed;
 }
 
@@ -346,8 +308,10 @@ std::vector<std::uint8_t> Tracker::relax_part(const MeshPart& part) {
   backend_->set_mesh(open.mesh, part_pinned);
   backend_->relax(options_.relax, options_.project);
   const auto positions = backend_->positions();
+  const std::vector<Vec3> before = mesh_.vertices.position;
   for (std::size_t i = 0; i < open.vertex.size(); ++i)
     if (!frozen[open.vertex[i]]) mesh_.vertices.position[open.vertex[i]] = positions[i];
+  if (material_is_known_) slide_rest(mesh_, before);
   std::vector<std::uint8_t> part_inverted(open.triangle.size()), inverted(mesh_.triangle_count(), 0);
   backend_->inverted_triangles(part_inverted);
   for (std::size_t i = 0; i < open.triangle.size(); ++i) inverted[open.triangle[i]] = part_inverted[i];

@@ -79,8 +79,9 @@ public:
   Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options);
 
   /// Advances to the next frame; the first one extracts the surface. Throws std::logic_error when options.validate
-  /// finds a fault (a bug of isoskin).
-  FrameReport advance(const FieldFrame& frame);
+  /// finds a fault (a bug of isoskin). `next`, the frame after, gives the first frame's vertices their velocities where
+  /// there is no velocity grid; they are zero without it.
+  FrameReport advance(const FieldFrame& frame, const FieldFrame* next = nullptr);
 
   /// Goes on from the mechanical mesh, field and critical_points() of the frame before (--resume): all state a frame
   /// hands to the next is in them. Without critical points they are searched for, as after a first frame.
@@ -108,10 +109,6 @@ private:
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
-  void predict(const FieldFrame& frame);
-  void set_velocities(const FieldFrame& frame, const std::vector<Vec3>& old, const std::vector<ProjectStatus>& status,
-                      double dt);
-  void project_again_from(const std::vector<Vec3>& old, std::vector<ProjectStatus>& status);
   void relax(FrameReport& report);
   RelaxReport relax_once();
   std::vector<std::uint8_t> relax_part(const MeshPart& part);
@@ -130,6 +127,7 @@ private:
   std::shared_ptr<const Field> last_field_;
   double time_ = 0.0;  // of the last frame
   bool started_ = false;
+  bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;
   GeometricMesh geometric_;

@@ -1,7 +1,7 @@
 // isoskin-sticking: does a texture stick? Material points moved exactly with a sequence's velocity grid, beside what
 // the rest positions of the skin say where those points are; the same for independently extracted meshes whose rest
 // positions are copied from the nearest point of the mesh before. And where `p + v dt` of every vertex lands.
-//   isoskin-sticking [--frames N] [--velocity NAME] SEQUENCE...
+//   isoskin-sticking [--first FRAME] [--frames N] [--velocity NAME] SEQUENCE...
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -108,47 +108,44 @@ struct Row {
   std::vector<double> errors, landing;
 };
 
-Row follow(FieldSource& source, int frames, bool with_velocity) {
+/// The first frames of a sequence, all in memory.
+std::vector<FieldFrame> load_frames(FieldSource& source, int frames) {
+  std::vector<FieldFrame> loaded;
+  const int last = std::min(source.last_frame(), source.first_frame() + frames);
+  for (int frame = source.first_frame(); frame <= last; ++frame) loaded.push_back(source.load(frame));
+  return loaded;
+}
+
+Row follow(const std::vector<FieldFrame>& frames, bool with_velocity) {
   Row row;
-  std::unique_ptr<Tracker> tracker;
+  Tracker tracker(make_opencl_backend(), resolved({}, *frames.front().field));
   std::vector<MaterialPoint> points;
-  FieldFrame before;
-  for (int frame = source.first_frame(); frame <= std::min(source.last_frame(), source.first_frame() + frames);
-       ++frame) {
-    const FieldFrame moment = source.load(frame);
-    FieldFrame given = moment;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    FieldFrame given = frames[i];
     if (!with_velocity) given.velocity = nullptr;
-    if (!tracker) tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved({}, *moment.field));
-    if (before.field) {
-      row.landing.push_back(share_landing(tracker->mechanical(), moment.time - before.time, *moment.field));
-      advect(points, before, moment);
-    }
-    tracker->advance(given);
-    if (!before.field) points = seed_points(tracker->mechanical());
-    before = moment;
+    tracker.advance(given, i + 1 < frames.size() ? &frames[i + 1] : nullptr);
+    if (i == 0) points = seed_points(tracker.mechanical());
+    if (i + 1 == frames.size()) break;
+    row.landing.push_back(
+        share_landing(tracker.mechanical(), frames[i + 1].time - frames[i].time, *frames[i + 1].field));
+    advect(points, frames[i], frames[i + 1]);
   }
-  row.errors = rest_errors(points, tracker->mechanical());
+  row.errors = rest_errors(points, tracker.mechanical());
   return row;
 }
 
-Row follow_extracted(FieldSource& source, int frames) {
-  Row row;
+Row follow_extracted(const std::vector<FieldFrame>& frames) {
   const std::unique_ptr<Backend> backend = make_opencl_backend();
   TriangleMesh mesh;
   std::vector<MaterialPoint> points;
-  FieldFrame before;
-  for (int frame = source.first_frame(); frame <= std::min(source.last_frame(), source.first_frame() + frames);
-       ++frame) {
-    const FieldFrame moment = source.load(frame);
-    extract_and_transfer(moment, *backend, mesh);
-    if (before.field)
-      advect(points, before, moment);
-    else
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    extract_and_transfer(frames[i], *backend, mesh);
+    if (i == 0)
       points = seed_points(mesh);
-    before = moment;
+    else
+      advect(points, frames[i - 1], frames[i]);
   }
-  row.errors = rest_errors(points, mesh);
-  return row;
+  return {rest_errors(points, mesh), {}};
 }
 
 void print(const std::string& name, const char* who, Row row, double voxel) {
@@ -164,34 +161,37 @@ void print(const std::string& name, const char* who, Row row, double voxel) {
                 .c_str());
 }
 
-void run_sequence(const std::string& input, const std::string& velocity, int frames) {
+void run_sequence(const std::string& input, const std::string& velocity, int first, int frames) {
   SequenceOptions options;
   options.grid.velocity = velocity;
-  const auto open = [&] { return open_sequence(input, options); };
-  const auto source = open();
-  const double voxel = source->load(source->first_frame()).field->resolution();
-  print(source->name(), "skin, with the velocity grid", follow(*open(), frames, true), voxel);
-  print(source->name(), "skin, without", follow(*open(), frames, false), voxel);
-  print(source->name(), "marching cubes, nearest point", follow_extracted(*open(), frames), voxel);
+  if (first > 0) options.first = first;
+  const auto source = open_sequence(input, options);
+  const std::vector<FieldFrame> loaded = load_frames(*source, frames);
+  const double voxel = loaded.front().field->resolution();
+  print(source->name(), "skin, with the velocity grid", follow(loaded, true), voxel);
+  print(source->name(), "skin, without", follow(loaded, false), voxel);
+  print(source->name(), "marching cubes, nearest point", follow_extracted(loaded), voxel);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  int frames = 20;
+  int first = 0, frames = 20;
   std::string velocity = "vel";
   std::vector<std::string> inputs;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--frames" && i + 1 < argc)
       frames = std::atoi(argv[++i]);
+    else if (word == "--first" && i + 1 < argc)
+      first = std::atoi(argv[++i]);
     else if (word == "--velocity" && i + 1 < argc)
       velocity = argv[++i];
     else
       inputs.push_back(word);
   }
   if (inputs.empty() || frames < 1) {
-    std::fprintf(stderr, "isoskin-sticking: expected [--frames N] [--velocity NAME] SEQUENCE...\n");
+    std::fprintf(stderr, "isoskin-sticking: expected [--first FRAME] [--frames N] [--velocity NAME] SEQUENCE...\n");
     return 2;
   }
   std::printf("%d material points after %d frames; voxels\n\n", kPoints, frames);
@@ -199,7 +199,7 @@ int main(int argc, char** argv) {
       "| input | who | median error | 90th percentile | p + v dt within a voxel, % of vertices, median (worst) |");
   std::puts("|---|---|---|---|---|");
   try {
-    for (const std::string& input : inputs) run_sequence(input, velocity, frames);
+    for (const std::string& input : inputs) run_sequence(input, velocity, first, frames);
   } catch (const InputError& error) {
     std::fprintf(stderr, "isoskin-sticking: %s\n", error.what());
     return 2;

@@ -1,0 +1,31 @@
+// Where a skin's vertices go from one frame to the next, and what material they carry (design 3, predict).
+#pragma once
+
+#include <vector>
+
+#include "core/backend.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+/// Moves every vertex by its motion over `dt` seconds and projects it onto the field the backend holds. With `velocity`
+/// (of the time arrived at, world units a second) the motion is a step of Heun's method from the vertex's own velocity
+/// to the grid's; without it the vertex's own velocity serves. A vertex whose prediction finds no surface is projected
+/// from where it was. Afterwards the velocity column holds the surface's own, normal motion where there is no grid
+/// (zero where a vertex found no surface, or dt is 0): what a vertex slid sideways is not the surface's, and would
+/// feed on itself if the next prediction used it.
+void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
+             const ProjectOptions& options);
+
+/// The velocity column from the grid, at every vertex.
+void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity);
+
+/// The velocity column -F_t grad F / |grad F|^2 with F_t from the field `next` that comes `dt` seconds later (> 0),
+/// where F is the field the backend holds: what a first frame's vertices know of their motion.
+void estimate_velocities(TriangleMesh& mesh, const Field& next, double dt, Backend& backend);
+
+/// Vertices have slid from `before` (one position a vertex) while the material stood still: each takes the rest
+/// position of the material it has come to lie on, by linear interpolation in the triangle about it that it slid into.
+void slide_rest(TriangleMesh& mesh, const std::vector<Vec3>& before);
+
+}  // namespace isoskin
