@@ -241,9 +241,11 @@ TEST_F(Program, folder_that_cannot_be_written) {
 TEST_F(Program, folder_in_use) {
   test::Running first(test::track_small(folder_ / "balls.toml", out_));
   while (!fs::exists(out_ / "run.json") && !first.has_ended()) std::this_thread::yield();
+  first.signal(SIGSTOP);  // or it might be done before the second has come to look
   const Ran second = run_program(test::track_small(folder_ / "balls.toml", out_));
   EXPECT_EQ(second.status, 2);
   EXPECT_NE(second.err.find("another run"), std::string::npos) << second.err;
+  first.signal(SIGCONT);
   EXPECT_EQ(first.wait(), 0) << first.err();
 }
 
