@@ -18,6 +18,7 @@ void add_track(CLI::App& app, Action& action);
 void add_render(CLI::App& app, Action& action);
 void add_compare(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);
+void add_ledger(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 void add_devices(CLI::App& app, Action& action);
 

@@ -24,7 +24,7 @@ int run() {
 void add_devices(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand("devices", "Lists the devices that --device takes");
   command->footer("Example:\n  isoskin devices");
-  command->callback([&action] { action = run; });
+  command->callback([&action] { action = [] { return run(); }; });
 }
 
 }  // namespace isoskin

@@ -39,6 +39,7 @@ int run(int argc, char** argv) {
   add_render(app, action);
   add_compare(app, action);
   add_check(app, action);
+  add_ledger(app, action);
   add_info(app, action);
   add_devices(app, action);
   try {

@@ -348,11 +348,56 @@ TEST_F(Program, check_says_no_to_a_mesh_of_another_frame) {
   EXPECT_EQ(run_program({"check", mesh, "--field", scene, "--frame", "5", "--backend", "reference"}).status, 1);
 }
 
+TEST_F(Program, ledger_sums_up_a_run) {
+  ASSERT_EQ(run_program(test::track_small(folder_ / "balls.toml", out_)).status, 0);
+  const Ran tracked = run_program({"ledger", out_.string(), "--json"});
+  ASSERT_EQ(tracked.status, 0) << tracked.err;
+  const auto of_run = nlohmann::json::parse(tracked.out);
+  EXPECT_EQ(of_run.at("reported"), 10);
+  const std::string lines = test::read_text(out_ / "ledger.jsonl");
+  EXPECT_EQ(of_run.at("entries"), std::count(lines.begin(), lines.end(), '\n'));
+  EXPECT_EQ(of_run.at("worst").size(), 9u);
+  EXPECT_NE(tracked.out.find("\"connect\""), std::string::npos) << "two balls meet";
+
+  // Figures that are known.
+  test::write_text(out_ / "report.jsonl", R"({"frame":1,"reextracted":[0,0,1],"repairs":1,"events":0,"ms":{"total":900}}
+{"frame":2,"reextracted":[0,0.25,0],"repairs":1,"events":2,"ms":{"total":30}}
+{"frame":3,"reextracted":[0,0,0],"repairs":0,"events":1,"ms":{"total":20}}
+{"frame":4,"reextracted":[0,0.125,0.25],"repairs":3,"events":3,"ms":{"total":10}}
+)");
+  test::write_text(out_ / "ledger.jsonl", R"({"frame":2,"kind":"reskin","tier":2}
+{"frame":2,"kind":"cut","tier":1}
+{"frame":3,"kind":"cut","tier":1}
+{"frame":4,"kind":"cut","tier":1}
+{"frame":4,"kind":"cut","tier":1}
+{"frame":4,"kind":"euler","tier":3}
+)");
+  const auto known = nlohmann::json::parse(run_program({"ledger", out_.string(), "--json", "--worst", "2"}).out);
+  EXPECT_EQ(known, nlohmann::json::parse(R"({"reported":4,"entries":6,
+    "kinds":[{"tier":1,"kind":"cut","count":4,"frames":[2,3,4,4]},
+             {"tier":2,"kind":"reskin","count":1,"frames":[2]}, {"tier":3,"kind":"euler","count":1,"frames":[4]}],
+    "frames":[{"frame":2,"kinds":{"cut":1,"reskin":1}}, {"frame":3,"kinds":{"cut":1}},
+              {"frame":4,"kinds":{"cut":2,"euler":1}}],
+    "worst":[{"frame":4,"reextracted":0.375,"repairs":3,"events":3,"ms":10.0},
+             {"frame":2,"reextracted":0.25,"repairs":1,"events":2,"ms":30.0}]})"))
+      << known.dump();
+  const Ran readable = run_program({"ledger", out_.string()});
+  EXPECT_NE(readable.out.find("4 frames, 6 events and repairs"), std::string::npos) << readable.out;
+  EXPECT_NE(readable.out.find("    4  2 cut euler"), std::string::npos) << readable.out;
+
+  test::write_text(out_ / "report.jsonl", "{\"frame\":\"one\"}\n{\"frame\":\"two\"}\n");
+  const Ran damaged = run_program({"ledger", out_.string()});
+  EXPECT_EQ(damaged.status, 2) << damaged.err;
+  EXPECT_NE(damaged.err.find("report.jsonl"), std::string::npos) << damaged.err;
+  fs::remove_all(out_);
+  expect_refused({"ledger", out_.string()}, {out_.string(), "run.json"});
+}
+
 TEST_F(Program, help_has_an_example_for_each_command) {
   EXPECT_EQ(run_program({"--version"}).status, 0);
   const Ran all = run_program({"--help"});
   EXPECT_EQ(all.status, 0);
-  for (const std::string command : {"track", "render", "compare", "check", "info", "devices"}) {
+  for (const std::string command : {"track", "render", "compare", "check", "ledger", "info", "devices"}) {
     EXPECT_NE(all.out.find(command), std::string::npos) << command;
     const Ran one = run_program({command, "--help"});
     EXPECT_EQ(one.status, 0);
