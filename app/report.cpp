@@ -37,6 +37,7 @@ Json to_json(const FrameReport& report, const Box& bounds) {
           {"certificate", report.certificate},
           {"inverted", report.inverted},
           {"quasi_critical", report.quasi_critical},
+          {"self_intersections", report.self_intersections ? Json(*report.self_intersections) : Json()},
           {"angles", angles(report.mechanical)},
           {"geometric_angles", angles(report.geometric)},
           {"bounds", bounds.empty() ? Json() : Json{point(bounds.low), point(bounds.high)}},

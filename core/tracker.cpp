@@ -14,6 +14,7 @@
 #include "core/topology/bad_sites.h"
 #include "core/topology/droplets.h"
 #include "core/topology/thin_features.h"
+#include "core/topology/triangle_pairs.h"
 #include "core/trace.h"
 
 namespace isoskin {
@@ -210,6 +211,10 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   {
     Step step(report, "refine");
     refine(*frame.field, lattice);
+  }
+  if (options_.self_intersections) {
+    Step step(report, "intersect");
+    report.self_intersections = count_self_intersections(mesh_);
   }
   report.survived = share_surviving(before, sorted_ids(mesh_));
   report.mechanical_triangles = mesh_.triangle_count();

@@ -25,12 +25,13 @@ struct TrackOptions {
   double tolerance = 0.0;        // corners farther than this must be on the right side; 0: one voxel, or e / 2
   int rounds = 2;                // alter + relax rounds of a frame
   int most_parts = 8;            // parts a frame is cut in where topology events are too near to each other
-  bool validate = false;         // check the manifold after every frame (always on in debug builds)
-  AlterOptions alter;            // edge_length and dt are filled in by resolved() and advance()
-  RelaxOptions relax;            // edge_length is filled in
-  ProjectOptions project;        // tolerance and max_step are filled in: 1e-4 e and e / 2
-  SettleOptions settle;          // how a freshly extracted surface becomes near-equilateral
-  BadSiteOptions sites;          // where a first local repair is made; tolerance is filled in
+  bool self_intersections = false;  // count them: 3 to 13 % of a frame
+  bool validate = false;            // check the manifold after every frame (always on in debug builds)
+  AlterOptions alter;               // edge_length and dt are filled in by resolved() and advance()
+  RelaxOptions relax;               // edge_length is filled in
+  ProjectOptions project;           // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;             // how a freshly extracted surface becomes near-equilateral
+  BadSiteOptions sites;             // where a first local repair is made; tolerance is filled in
   BadSiteOptions wide_sites{
       .stray_vertex = 0.25, .stray_centre = 0.75, .strict = true};  // a second one, where it failed
   ReskinOptions reskin;                                             // local repair; edge_length is filled in
@@ -68,7 +69,9 @@ struct FrameReport {
   bool certified = false;   // at the end of the frame
   std::string certificate;  // one line, of the mesh before repairs
   ShapeStatistics mechanical, geometric;
-  std::size_t inverted = 0, quasi_critical = 0;    // mechanical triangles and vertices at the end of the frame
+  std::size_t inverted = 0, quasi_critical = 0;  // mechanical triangles and vertices at the end of the frame
+  // Overlapping pairs of mechanical triangles without a common vertex, when options.self_intersections.
+  std::optional<std::size_t> self_intersections;
   std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order
 };
 

@@ -11,6 +11,7 @@
 #include "core/io/ply.h"
 #include "core/io/scene.h"
 #include "core/mesh/validate.h"
+#include "core/topology/triangle_pairs.h"
 #include "kernels/opencl_backend.h"
 #include "tests/analytic_fields.h"
 #include "tests/digital_topology.h"
@@ -279,6 +280,27 @@ TEST(Tracker, ResumingAfterAnyFrameChangesNothing) {
     EXPECT_TRUE(whole->critical_points() == resumed->critical_points());
   }
   EXPECT_GE(events, 10u);
+}
+
+TEST(Tracker, SelfIntersectionsAreCountedWhenAskedFor) {
+  const Scene scene = load_scene(data("metaballs60.toml"));
+  std::unique_ptr<Tracker> tracker;
+  std::size_t seen = 0;
+  for (int frame = 1; frame <= 10; ++frame) {
+    const FieldFrame moment = scene.source->load(frame);
+    if (!tracker) {
+      TrackOptions options;
+      options.edge_length = 0.2;  // too long for so many small balls: skins that belong apart overlap
+      EXPECT_FALSE(Tracker(make_reference_backend(), resolved(options, *moment.field)).options().self_intersections);
+      options.self_intersections = true;
+      tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved(options, *moment.field));
+    }
+    const FrameReport report = tracker->advance(moment);
+    ASSERT_TRUE(report.self_intersections);
+    EXPECT_EQ(*report.self_intersections, count_self_intersections(tracker->mechanical()));
+    seen += *report.self_intersections;
+  }
+  EXPECT_GT(seen, 0u);
 }
 
 TEST(Tracker, SurfacesMayVanishAndReturn) {
