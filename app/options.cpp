@@ -8,8 +8,6 @@
 #include <tbb/global_control.h>
 #include <CLI/CLI.hpp>
 
-#include "kernels/opencl_backend.h"
-
 namespace isoskin {
 namespace {
 
@@ -89,10 +87,9 @@ void add_backend_options(CLI::App& command, BackendOptions& options) {
   command.add_option("--threads", options.threads, "Threads to use; the result does not depend on it (default: all)");
 }
 
-std::unique_ptr<Backend> make_backend(const BackendOptions& options, bool trace) {
-  if (options.backend == "reference" || options.device == "reference") return make_reference_backend();
+std::optional<OpenClOptions> opencl_options(const BackendOptions& options) {
+  if (options.backend == "reference" || options.device == "reference") return std::nullopt;
   OpenClOptions opencl;
-  opencl.trace = trace;
   if (!options.device.empty()) {
     const std::optional<int> index = parse_int(options.device);
     if (!index || *index < 0)
@@ -100,7 +97,14 @@ std::unique_ptr<Backend> make_backend(const BackendOptions& options, bool trace)
           fmt::format("--device '{}': expected an index from `isoskin devices`, or reference", options.device));
     opencl.device = *index;
   }
-  return make_opencl_backend(opencl);
+  return opencl;
+}
+
+std::unique_ptr<Backend> make_backend(const BackendOptions& options, bool trace) {
+  std::optional<OpenClOptions> opencl = opencl_options(options);
+  if (!opencl) return make_reference_backend();
+  opencl->trace = trace;
+  return make_opencl_backend(*opencl);
 }
 
 std::shared_ptr<void> limit_threads(int threads) {

@@ -7,6 +7,7 @@
 
 #include "core/backend.h"
 #include "core/io/scene.h"
+#include "kernels/opencl_backend.h"
 
 namespace CLI {
 class App;
@@ -44,6 +45,10 @@ struct BackendOptions {
   int threads = 0;                 // 0: all cores
 };
 void add_backend_options(CLI::App& command, BackendOptions& options);
+
+/// The OpenCL device to use; nothing when it is to be the reference backend. Throws InputError for a device that is no
+/// number.
+std::optional<OpenClOptions> opencl_options(const BackendOptions& options);
 
 /// Throws InputError when there is no such device; the line names the remedy.
 std::unique_ptr<Backend> make_backend(const BackendOptions& options, bool trace = false);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "app/cold_start.h"
 #include "app/command.h"
 #include "app/interrupt.h"
 #include "app/meshing.h"
@@ -65,6 +66,12 @@ void check(const TrackCommand& command) {
   }
 }
 
+/// Of the grids that are about to be loaded; a scene may hold a skeleton, which loads at once.
+std::optional<Interpolation> grid_interpolation(const InputOptions& input) {
+  if (std::filesystem::path(input.input).extension() == ".toml") return std::nullopt;
+  return input.interpolation == "linear" ? Interpolation::linear : Interpolation::cubic;
+}
+
 double milliseconds(Clock::time_point since) {
   return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
 }
@@ -103,12 +110,14 @@ int run(const TrackCommand& command) {
   const auto begin = Clock::now();
 
   const Scene scene = open_frames(command.input, range);
+  ColdStart cold_start(command.backend, grid_interpolation(command.input));
   Loader loader{*scene.source};
   const int first = scene.source->first_frame(), last = scene.source->last_frame();
   FieldFrame frame = loader.load(first);
   TrackOptions options = track_options(command.meshing, scene.meshing, *frame.field);
   options.validate = command.validate;
   options.self_intersections = command.self_intersections;
+  cold_start.wait(command.quiet || command.json);
   std::unique_ptr<Backend> backend = make_backend(command.backend, trace::enabled());
   RunFolder folder(command.folder, scene.source->name(), {!command.no_mechanical, !command.no_geometric},
                    deciding_options(command, options, *scene.source, *frame.field, backend->name()));
@@ -132,6 +141,7 @@ int run(const TrackCommand& command) {
       if (next == first && next < last) following = loader.load(next + 1);
       const auto frame_begin = Clock::now();
       FrameReport report = tracker.advance(frame, following ? &*following : nullptr);
+      cold_start.note_first_frame();
       report.ms.emplace(report.ms.begin(), "load", loader.ms);
       const Json line = folder.write_frame(frame, std::move(report), tracker, loader.ms + milliseconds(frame_begin));
       if (command.json) {

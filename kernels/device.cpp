@@ -166,6 +166,14 @@ Found choose_device(int index) {
   return gpu != found.end() ? *gpu : found.front();
 }
 
+/// The note that kernels of a PoCL device are compiled; empty for other drivers. Another version compiles anew.
+std::filesystem::path note_of(const DeviceInfo& info) {
+  if (info.platform != "Portable Computing Language" || pocl_cache().empty()) return {};
+  std::string name = "isoskin-" + info.driver + ".compiled";
+  std::replace(name.begin(), name.end(), '/', '-');
+  return pocl_cache() / name;
+}
+
 /// What all Devices of one OpenCL device share. Kept until the process ends: drivers dislike late releases.
 struct Shared {
   cl_context context = nullptr;
@@ -414,6 +422,17 @@ std::vector<DeviceInfo> list_devices() {
   std::vector<DeviceInfo> list;
   for (opencl::Found& found : opencl::find_devices()) list.push_back(std::move(found.info));
   return list;
+}
+
+bool kernels_are_compiled(const OpenClOptions& options) {
+  const std::filesystem::path note = opencl::note_of(opencl::choose_device(options.device).info);
+  std::error_code ignored;
+  return note.empty() || std::filesystem::exists(note, ignored);
+}
+
+void note_compiled_kernels(const OpenClOptions& options) {
+  const std::filesystem::path note = opencl::note_of(opencl::choose_device(options.device).info);
+  if (!note.empty()) std::ofstream{note};
 }
 
 }  // namespace isoskin

@@ -25,6 +25,13 @@ struct OpenClOptions {
   bool trace = false;  // profile every kernel and transfer (see core/trace.h)
 };
 
+/// False when this device compiles kernels as they are first used (PoCL does, for seconds) and has not done so for
+/// isoskin on this machine: there is no note of it in PoCL's cache of kernels. Throws as make_opencl_backend().
+bool kernels_are_compiled(const OpenClOptions& options = {});
+
+/// Leaves that note; call it when kernels have run. A cache that cannot be written is left alone.
+void note_compiled_kernels(const OpenClOptions& options = {});
+
 /// Throws InputError when there is no such device ("no OpenCL device: install pocl-opencl-icd ..."), and
 /// std::runtime_error with the build log when a program does not build. Compiled programs are cached.
 std::unique_ptr<Backend> make_opencl_backend(const OpenClOptions& options = {});

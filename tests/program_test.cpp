@@ -1,6 +1,7 @@
 // The program from outside: exit statuses, one line for every bad input, nothing left behind.
 #include <algorithm>
 #include <limits>
+#include <map>
 
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
@@ -392,6 +393,25 @@ TEST_F(Program, ledger_sums_up_a_run) {
   EXPECT_NE(damaged.err.find("report.jsonl"), std::string::npos) << damaged.err;
   fs::remove_all(out_);
   expect_refused({"ledger", out_.string()}, {out_.string(), "run.json"});
+}
+
+TEST_F(Program, says_that_it_compiles_kernels_on_the_first_run_only) {
+  const test::Surroundings fresh{{{"POCL_CACHE_DIR", file("cache")}}, {}, ""};
+  fs::create_directories(folder_ / "cache");
+  write_grid(folder_ / "sphere.vdb", sphere());
+  const std::string said = "compiling kernels";
+  const Ran quiet = run_program(track(file("nothing.vdb"), {"--quiet"}), fresh);
+  EXPECT_EQ(quiet.err.find(said), std::string::npos) << quiet.err;
+  std::map<std::string, std::string> meshes;
+  for (const char* run : {"first", "second"}) {
+    const Ran ran = run_program(track(file("sphere.vdb")), fresh);
+    ASSERT_EQ(ran.status, 0) << ran.err;
+    EXPECT_EQ(ran.err.find(said) != std::string::npos, std::string(run) == "first") << ran.err;
+    for (const auto& entry : fs::directory_iterator(out_))
+      if (entry.path().extension() == ".ply") meshes[run] += test::read_text(entry.path());
+  }
+  EXPECT_FALSE(meshes["first"].empty());
+  EXPECT_TRUE(meshes["first"] == meshes["second"]) << "who compiled does not matter";
 }
 
 TEST_F(Program, help_has_an_example_for_each_command) {
