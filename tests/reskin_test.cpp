@@ -13,6 +13,7 @@
 #include "kernels/opencl_backend.h"
 #include "tests/analytic_fields.h"
 #include "tests/damage.h"
+#include "tests/sanitized.h"
 
 using namespace isoskin;
 
@@ -68,7 +69,7 @@ void try_damages(const std::shared_ptr<const Field>& field, double edge_length, 
 TEST(Reskin, MendsRandomDamageWithoutReextraction) {
   damage::Random random(20261122);
   std::vector<Tally> tally(int(Damage::count));
-  const int fields = 3, total = fuzz_count(120);
+  const int fields = 3, total = fuzz_count(test::repeats(120, 30));
   for (int f = 0; f < fields; ++f) try_damages(random_metaballs(random), 0.08, total / fields, random, tally);
   int tried = 0, local = 0;
   for (int k = 0; k < int(Damage::count); ++k) {

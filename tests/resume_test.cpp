@@ -8,6 +8,7 @@
 #include "core/io/ply.h"
 #include "core/mesh/validate.h"
 #include "tests/program.h"
+#include "tests/sanitized.h"
 
 namespace isoskin {
 namespace {
@@ -18,7 +19,7 @@ using test::fs::path;
 namespace fs = std::filesystem;
 
 constexpr int kFrames = 10;
-constexpr int kKills = 20;
+constexpr int kKills = test::repeats(20, 6);
 
 std::vector<Json> lines(const path& file, bool drop_cut_line) {
   std::istringstream text(test::read_text(file));
