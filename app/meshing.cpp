@@ -23,6 +23,13 @@ void add_meshing_options(CLI::App& command, MeshingOptions& options) {
   command.add_option("--mechanics", options.mechanics, "Elements of the skin")
       ->check(CLI::IsMember({"fem", "springs"}))
       ->capture_default_str();
+  command
+      .add_option("--topology", options.topology,
+                  "What splits and joins the skin: critical points of the field, collisions of the skin with itself, "
+                  "or auto (critical points where the field has them, else collisions; neither on grids, where local "
+                  "re-skins do as well)")
+      ->check(CLI::IsMember({"critical", "collision", "auto"}))
+      ->capture_default_str();
   command.add_flag("--sharp", options.sharp, "Pull vertices onto sharp features");
 }
 
@@ -41,6 +48,9 @@ TrackOptions track_options(const MeshingOptions& given, const SceneMeshing& scen
     options.refine.passes = *passes;
   }
   options.relax.mechanics = given.mechanics == "springs" ? Mechanics::springs : Mechanics::fem;
+  options.topology = given.topology == "critical"    ? Topology::critical
+                     : given.topology == "collision" ? Topology::collision
+                                                     : Topology::automatic;
   options.relax.sharp = given.sharp || scene.sharp.value_or(false);
   return resolved(options, first);
 }

@@ -17,6 +17,7 @@ struct MeshingOptions {
   std::optional<double> edge_length, angle;
   std::optional<int> passes;
   std::string mechanics = "fem";  // or springs
+  std::string topology = "auto";  // or critical, collision
   bool sharp = false;
 };
 void add_meshing_options(CLI::App& command, MeshingOptions& options);

@@ -49,6 +49,7 @@ Json deciding_options(const TrackCommand& command, const TrackOptions& options, 
           {"dt", source.frame_duration()},
           {"sharp", options.relax.sharp},
           {"mechanics", command.meshing.mechanics},
+          {"topology", command.meshing.topology},
           {"mechanical", !command.no_mechanical},
           {"geometric", !command.no_geometric},
           {"device", device}};

@@ -13,11 +13,19 @@
 #include "core/mesh/mesh_part.h"
 #include "core/refine/refine.h"
 #include "core/topology/bad_sites.h"
+#include "core/topology/collisions.h"
 #include "core/topology/events.h"
 #include "core/topology/repair.h"
 #include "core/topology/reskin.h"
 
 namespace isoskin {
+
+/// Which operations change the mesh's topology (tier 1 of design 8).
+enum class Topology {
+  automatic,  // critical where the field has second derivatives, else collision; neither on grids, which repairs serve
+  critical,   // only at critical points; fields without them are left to repairs
+  collision,  // where sheets of the mesh collide and where vertices find no surface
+};
 
 struct TrackOptions {
   double edge_length = 0.0;      // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
@@ -25,6 +33,7 @@ struct TrackOptions {
   double tolerance = 0.0;        // corners farther than this must be on the right side; 0: one voxel, or e / 2
   int rounds = 2;                // alter + relax rounds of a frame
   int most_parts = 8;            // parts a frame is cut in where topology events are too near to each other
+  Topology topology = Topology::automatic;
   bool self_intersections = false;  // count them: 3 to 13 % of a frame
   bool validate = false;            // check the manifold after every frame (always on in debug builds)
   AlterOptions alter;               // edge_length and dt are filled in by resolved() and advance()
@@ -112,6 +121,9 @@ private:
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
+  void move(const FieldFrame& frame, FrameReport& report);
+  bool collides(const Field& field) const;
+  bool collide(const FieldFrame& frame, const VertexTable& before, std::vector<Ball>& split, FrameReport& report);
   void relax(FrameReport& report);
   RelaxReport relax_once();
   std::vector<std::uint8_t> relax_part(const MeshPart& part);

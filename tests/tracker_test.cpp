@@ -190,13 +190,19 @@ TEST(Tracker, TwoHundredFramesOfSevenMetaballs) {
   std::printf("worst 1st-percentile angle %.1f degrees\n", worst_p1);
 }
 
-TEST(Tracker, TwoPointsMeetAndPartAsTheOracleSays) {
+void expect_two_points_as_the_oracle_says(Topology topology, const char* joined, const char* parted) {
   const Scene scene = load_scene(data("two_points.toml"));
   std::unique_ptr<Tracker> tracker;
   std::vector<int> components;
+  std::vector<std::string> events;
   for (int frame = scene.source->first_frame(); frame <= scene.source->last_frame(); ++frame) {
     const FieldFrame moment = scene.source->load(frame);
-    if (!tracker) tracker = opencl_tracker(*moment.field);
+    if (!tracker) {
+      TrackOptions options;
+      options.topology = topology;
+      options.validate = true;
+      tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved(options, *moment.field));
+    }
     const FrameReport report = tracker->advance(moment);
     EXPECT_TRUE(report.certified) << frame;
     const Box box = moment.field->bounds();
@@ -208,8 +214,25 @@ TEST(Tracker, TwoPointsMeetAndPartAsTheOracleSays) {
     EXPECT_EQ(mesh.handles(), oracle.handles()) << frame;
     EXPECT_EQ(geometric.handles(), oracle.handles()) << frame;
     if (components.empty() || components.back() != mesh.components) components.push_back(mesh.components);
+    for (const LedgerEntry& entry : tracker->ledger()) {
+      events.push_back(entry.kind);
+      EXPECT_EQ(entry.tier, 1) << frame << ": " << entry.kind;
+    }
+    if (frame == scene.source->first_frame()) continue;
+    EXPECT_EQ(report.repairs, 0u) << frame << ": " << report.certificate;
+    EXPECT_EQ(report.reextracted[1] + report.reextracted[2], 0.0) << frame;
+    EXPECT_EQ(report.reextracted[0] > 0.0, report.events > 0) << frame;
   }
   EXPECT_EQ(components, (std::vector<int>{2, 1, 2}));
+  EXPECT_EQ(events, (std::vector<std::string>{joined, parted}));
+}
+
+TEST(Tracker, TwoPointsMeetAndPartByCriticalPoints) {
+  expect_two_points_as_the_oracle_says(Topology::critical, "connect", "cut");
+}
+
+TEST(Tracker, TwoPointsMeetAndPartByCollision) {
+  expect_two_points_as_the_oracle_says(Topology::collision, "blend", "split");
 }
 
 TEST(Tracker, EveryFrameOfARealFluidIsCertified) {

@@ -48,6 +48,7 @@ CriticalEvent operate(TriangleMesh& mesh, const CriticalPath& path, const Field&
   event.crossing = path.crossing_time;
   event.done = report.done;
   event.reason = report.reason;
+  event.area = report.area;
   event.vertices = std::max(report.vertices_added, vertices - std::min(vertices, mesh.vertex_count()));
   return event;
 }

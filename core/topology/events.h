@@ -42,6 +42,7 @@ struct CriticalEvent {
   DVec3 position{0.0};    // of the critical point at the crossing
   double crossing = 0.0;  // when, as a share of the frame
   std::size_t vertices = 0;  // mesh vertices added, or removed with the piece
+  double area = 0.0;         // of the new triangles, world units^2
   bool done = false;
   std::string reason;  // why it was left over
 };

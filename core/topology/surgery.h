@@ -32,6 +32,7 @@ struct SurgeryReport {
   bool done = false;
   std::string reason;  // why the mesh was left as it was; empty when done
   std::size_t vertices_added = 0, triangles_removed = 0, triangles_added = 0;
+  double area = 0.0;  // of the triangles added, world units^2
   explicit operator bool() const { return done; }
 };
 

@@ -10,6 +10,7 @@
 #include "core/mechanics/project.h"
 #include "core/topology/mesh_probe.h"
 #include "core/topology/surgery_theatre.h"
+#include "core/topology/weave.h"
 
 namespace isoskin::surgery {
 namespace {
@@ -64,60 +65,6 @@ std::vector<double> waist(const Theatre& theatre, int count) {
 }
 
 using Loop = std::vector<Index>;
-
-/// Triangles between the hole's border `loop` and the ring, both the same way round: of all ways to step along both
-/// from a common start, the one whose crossing edges have the least sum of squares (Fuchs, Kedem and Uselton 1977). `p`
-/// and `q` are their positions.
-void weave(MeshPatch& patch, const Loop& loop, const std::vector<DVec3>& p, const Loop& ring,
-           const std::vector<DVec3>& q) {
-  const std::size_t n = loop.size(), m = ring.size();
-  const auto cost = [&](std::size_t i, std::size_t j) {
-    const DVec3 d = p[i % n] - q[j % m];
-    return glm::dot(d, d);
-  };
-  constexpr double kNever = std::numeric_limits<double>::infinity();
-  std::vector<std::uint8_t> best_steps;
-  std::size_t best_start = 0;
-  double best = kNever;
-  std::vector<double> sum((n + 1) * (m + 1));
-  std::vector<std::uint8_t> from_loop(sum.size());
-  for (std::size_t start = 0; start < m; ++start) {
-    for (std::size_t i = 0; i <= n; ++i)
-      for (std::size_t j = 0; j <= m; ++j) {
-        const std::size_t at = i * (m + 1) + j;
-        // No edge is made twice: what hangs on the common start is before the middle when it is seen first and after it
-        // when it is seen last.
-        const bool first_half_j = 2 * j < m, first_half_i = 2 * i < n;
-        const bool twice = (i == 0 && !first_half_j) || (i == n && first_half_j) || (j == 0 && !first_half_i) ||
-                           (j == m && first_half_i);
-        if (i + j == 0) {
-          sum[at] = cost(0, start);
-          continue;
-        }
-        const double along_loop = i > 0 ? sum[at - (m + 1)] : kNever, along_ring = j > 0 ? sum[at - 1] : kNever;
-        from_loop[at] = along_loop <= along_ring;
-        sum[at] = twice ? kNever : std::min(along_loop, along_ring) + cost(i, start + j);
-      }
-    if (!(sum.back() < best)) continue;
-    best = sum.back();
-    best_start = start;
-    best_steps.clear();
-    for (std::size_t i = n, j = m; i + j > 0;) {
-      best_steps.push_back(from_loop[i * (m + 1) + j]);
-      --(best_steps.back() ? i : j);
-    }
-  }
-  std::size_t i = 0, j = best_start;
-  for (auto step = best_steps.rbegin(); step != best_steps.rend(); ++step) {
-    if (*step) {
-      patch.add_triangle(loop[i % n], loop[(i + 1) % n], ring[j % m]);
-      ++i;
-    } else {
-      patch.add_triangle(ring[(j + 1) % m], ring[j % m], loop[i % n]);
-      ++j;
-    }
-  }
-}
 
 Loop vertices_of(const TriangleMesh& mesh, const std::vector<Index>& border) {
   Loop loop;
@@ -217,7 +164,7 @@ SurgeryReport join(TriangleMesh& mesh, const Theatre& theatre) {
     }
     std::vector<DVec3> loop_position;
     for (const Index w : loop[side]) loop_position.push_back(settled_position(theatre, patch.position(mesh, w)));
-    weave(patch, loop[side], loop_position, ring, ring_position);
+    weave(patch, loop[side], loop_position, ring, ring_position, ring.size());
   }
   return applied(mesh, patch);
 }

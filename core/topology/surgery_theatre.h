@@ -23,8 +23,9 @@ inline SurgeryReport refused(const char* reason) {
 }
 
 inline SurgeryReport applied(TriangleMesh& mesh, const MeshPatch& patch) {
-  if (!patch.apply(mesh)) return refused("the new triangles do not fit");
   SurgeryReport report;
+  report.area = patch.area(mesh);
+  if (!patch.apply(mesh)) return refused("the new triangles do not fit");
   report.done = true;
   report.vertices_added = patch.vertices_added();
   report.triangles_added = patch.triangles_added();
