@@ -160,6 +160,30 @@ Links links_between(const TriangleMesh& moved, const std::vector<Patch>& patches
   return links;
 }
 
+/// What the patches without a link face: where sheets have just met, it is chance which of them still finds a surface.
+/// One set of triangles a patch, ascending; empty for linked ones.
+std::vector<std::vector<Index>> partners_of(const TriangleMesh& moved, const std::vector<Patch>& patches,
+                                            const std::vector<Index>& of, const Links& links, const Marks& marks,
+                                            const Field& field, double near) {
+  std::vector<std::uint8_t> alone(patches.size(), 1);
+  for (const auto& [pair, count] : links) alone[pair.first] = alone[pair.second] = 0;
+  std::vector<std::vector<Index>> partners(patches.size());
+  if (std::count(alone.begin(), alone.end(), 1) == 0) return partners;
+  const auto lone = [&](Index t) { return of[t] != kNone && alone[of[t]]; };
+  for (const auto& [a, b] : near_pairs(moved, near, [&](const TrianglePair& p) {
+         if (!(lone(p.a) && of[p.b] == kNone) && !(lone(p.b) && of[p.a] == kNone)) return false;
+         if (glm::dot(area_normal(moved, p.a), area_normal(moved, p.b)) >= 0.0f) return false;
+         const int side = marks.side[p.a] + marks.side[p.b];
+         return side * field.value(0.5 * (DVec3(marks.centre[p.a]) + DVec3(marks.centre[p.b]))) > 0.0;
+       }))
+    (lone(a) ? partners[of[a]] : partners[of[b]]).push_back(lone(a) ? b : a);
+  for (std::vector<Index>& partner : partners) {
+    std::sort(partner.begin(), partner.end());
+    partner.erase(std::unique(partner.begin(), partner.end()), partner.end());
+  }
+  return partners;
+}
+
 /// Patches that belong together, and their links, the strongest first.
 struct Cluster {
   std::vector<Index> patches;
@@ -307,7 +331,8 @@ bool was_split(const Cluster& cluster, const std::vector<Patch>& patches, const 
 }
 
 /// True when something was planned for the cluster.
-bool plan(Operations& operations, const Cluster& cluster, const std::vector<Patch>& patches, const Marks& marks) {
+bool plan(Operations& operations, const Cluster& cluster, const std::vector<Patch>& patches,
+          const std::vector<std::vector<Index>>& partners, const Marks& marks) {
   bool planned = false;
   for (const Index p : cluster.patches) planned |= operations.vanish(patches[p], marks);
   if (planned) return true;
@@ -319,6 +344,8 @@ bool plan(Operations& operations, const Cluster& cluster, const std::vector<Patc
   for (const Index t : points.triangles) points.points.push_back(DVec3(marks.centre[t]));
   if (operations.split(points)) return true;
   for (const auto& [a, b] : cluster.links) planned |= operations.blend(patches[a], patches[b]);
+  const Index first = cluster.patches.front();
+  if (!partners[first].empty()) planned = operations.blend(patches[first], {partners[first], patches[first].side});
   return planned;
 }
 
@@ -334,13 +361,15 @@ CollisionReport handle_collisions(TriangleMesh& mesh, const std::vector<Vec3>& m
   std::vector<Index> of;
   const std::vector<Patch> patches = patches_of(mesh, marks, of);
   const Links links = links_between(mesh, patches, of, options.near * options.edge_length);
+  const auto partners = partners_of(mesh, patches, of, links, marks, field, options.edge_length);
   std::swap(mesh.vertices.position, place);
 
   report.pairs = marks.pairs;
   report.strays = marks.strays;
   Operations operations(mesh, field, options);
   for (const Cluster& cluster : clusters_of(patches.size(), links))
-    if (!was_split(cluster, patches, marks, split) && !plan(operations, cluster, patches, marks)) ++report.refused;
+    if (!was_split(cluster, patches, marks, split) && !plan(operations, cluster, patches, partners, marks))
+      ++report.refused;
   report.events = operations.apply(report.split);
   return report;
 }
