@@ -148,6 +148,7 @@ TEST_F(Program, numbers_out_of_range) {
 TEST_F(Program, unknown_options_and_values) {
   expect_refused(track(file("balls.toml"), {"--edgelength", "1"}), {"--edgelength"});
   expect_refused(track(file("balls.toml"), {"--mechanics", "jelly"}), {"jelly"});
+  expect_refused(track(file("balls.toml"), {"--topology", "genus"}), {"--topology", "genus", "collision"});
   expect_refused(track(file("balls.toml"), {"--interpolation", "quintic"}), {"quintic"});
   expect_refused(track(file("balls.toml"), {"--backend", "cuda"}), {"cuda"});
   expect_refused({"track", file("balls.toml")}, {"--output"});
