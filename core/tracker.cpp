@@ -99,7 +99,7 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     const Index piece = pieces.of_vertex[v];
     if (piece != kNone && certificate.mesh_piece[piece] != Fault::none && sizes[piece] <= most_vertices)
-      sites.point.push_back(mesh.position(v));
+      sites.add(mesh.position(v), true);
   }
 }
 
@@ -392,10 +392,10 @@ BrickLattice Tracker::handle_events(const FieldFrame& frame, FrameReport& report
   }
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
-  // First where the topology surely has to change, then wherever anything looks odd.
-  for (const bool wide : {false, true}) {
+  // First only where the topology differs, then about all that looks odd.
+  for (const bool replace_all : {false, true, true}) {
     if (!started_ || evidence.certificate.passed) break;
-    reskin(frame, evidence, wide, report);
+    reskin(frame, evidence, replace_all, report);
     certify(frame, evidence, report);
   }
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
@@ -423,17 +423,18 @@ void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& 
       isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
 }
 
-void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report) {
+void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
-  BadSiteOptions bad_options = wide ? options_.wide_sites : options_.sites;
+  BadSiteOptions bad_options = options_.sites;
   bad_options.tolerance = options_.tolerance;
-  BadSites sites =
-      find_bad_sites(mesh_, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_, bad_options);
+  BadSites sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice),
+                                  *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   if (sites.point.empty()) return;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
+  reskin_options.replace_all = replace_all;
   reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
@@ -451,6 +452,7 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool wid
 
 /// What reskin() made and its surroundings become near-equilateral; the rest of the mesh is not touched.
 void Tracker::settle_new_skin(Index first_new) {
+  const Span span("settle");
   const MeshPart part(mesh_, first_new, options_.reskin_rings);
   const AlterOptions alter_options = unlocked_and_still(options_.alter);
   for (int round = 0; round < options_.reskin_rounds; ++round) {

@@ -40,14 +40,12 @@ struct TrackOptions {
   RelaxOptions relax;               // edge_length is filled in
   ProjectOptions project;           // tolerance and max_step are filled in: 1e-4 e and e / 2
   SettleOptions settle;             // how a freshly extracted surface becomes near-equilateral
-  BadSiteOptions sites;             // where a first local repair is made; tolerance is filled in
-  BadSiteOptions wide_sites{
-      .stray_vertex = 0.25, .stray_centre = 0.75, .strict = true};  // a second one, where it failed
-  ReskinOptions reskin;                                             // local repair; edge_length is filled in
-  std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
-  int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
-  int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
-  RefineOptions refine;           // alpha_r and N_p of the geometric mesh
+  BadSiteOptions sites;             // where local repairs are made; tolerance is filled in
+  ReskinOptions reskin;             // local repair; edge_length and alter are filled in
+  std::size_t small_piece = 100;    // failed pieces of at most so many vertices are replaced whole
+  int reskin_rounds = 4;            // relax + alter rounds of the new skin after a local repair
+  int reskin_rings = 3;             // old vertices so many edges from the new skin settle with it
+  RefineOptions refine;             // alpha_r and N_p of the geometric mesh
 };
 
 /// Fills in every length that is 0 from the first frame's field. Throws InputError for an edge length that is NaN,
@@ -131,7 +129,7 @@ private:
   std::vector<std::uint8_t> inverted_triangles();
   BrickLattice handle_events(const FieldFrame& frame, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
-  void reskin(const FieldFrame& frame, const Evidence& evidence, bool wide, FrameReport& report);
+  void reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, FrameReport& report);
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;

@@ -6,7 +6,10 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/parallel.h"
+#include "core/topology/sides.h"
 #include "core/topology/simple_point.h"
+#include "core/trace.h"
 
 namespace isoskin {
 namespace {
@@ -19,16 +22,14 @@ std::uint64_t key_of(const IVec3& c) {
   return (std::uint64_t(c.x + kOffset) << 42) | (std::uint64_t(c.y + kOffset) << 21) | std::uint64_t(c.z + kOffset);
 }
 
-/// Sides of lattice corners, asked for by coordinates. Corners that no brick holds are `unknown`.
+/// Sides of lattice corners, asked for by coordinates. Corners that no brick holds count as outside.
 class Sides {
 public:
-  enum Side : std::int8_t { outside = 0, inside = 1, unknown = -1 };
-
   Sides(const BrickLattice& lattice, const std::vector<std::int8_t>& winding) : lattice_(lattice), winding_(winding) {}
 
-  Side of_mesh(const IVec3& c) const {
+  bool inside_mesh(const IVec3& c) const {
     const std::size_t i = slot(c);
-    return i == std::size_t(-1) ? unknown : winding_[i] > 0 ? inside : outside;
+    return i != std::size_t(-1) && winding_[i] > 0;
   }
 
 private:
@@ -121,7 +122,7 @@ public:
     for (const IVec3& c : cluster)
       for (int n = 0; n < 27; ++n) {
         const IVec3 at = c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-        if (std::int8_t& side = side_[index(at)]; side == kUnread) side = sides.of_mesh(at) == Sides::inside;
+        if (std::int8_t& side = side_[index(at)]; side == kUnread) side = sides.inside_mesh(at);
       }
   }
 
@@ -146,9 +147,9 @@ private:
   std::vector<std::int8_t> side_;
 };
 
-/// Flips the cluster's corners to the field's side as long as the flip is simple, in the given order, again and again;
-/// returns those that are left: where the topology has to change. `strict`: simple in both connectivities, not in one.
-std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides, bool strict) {
+/// Flips the cluster's corners to the field's side as long as the flip is simple in both connectivities, in the given
+/// order, again and again; returns those that are left: where the topology may have to change.
+std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides) {
   LocalSides local(cluster, sides);
   std::vector<Index> left(cluster.size());
   std::iota(left.begin(), left.end(), Index(0));
@@ -156,8 +157,7 @@ std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides, b
     before = left.size();
     std::erase_if(left, [&](Index i) {
       const Neighbourhood inside = local.around(cluster[i]);
-      const bool joined = is_simple(inside, false), apart = is_simple(inside, true);
-      const bool flips = strict ? joined && apart : joined || apart;
+      const bool flips = is_simple(inside, false) && is_simple(inside, true);
       if (flips) local.flip(cluster[i]);
       return flips;
     });
@@ -165,16 +165,21 @@ std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides, b
   return left;
 }
 
-/// Distance estimates |F| / |grad F| at points, the slope kept above a tenth of what a distance has.
-std::vector<float> distances(const std::vector<Vec3>& points, Backend& backend) {
-  constexpr float kLeastSlope = 0.1f;
-  std::vector<float> values(points.size());
-  std::vector<Vec3> gradients(points.size());
-  backend.evaluate(points, values, gradients);
-  for (std::size_t i = 0; i < points.size(); ++i)
-    values[i] = std::abs(values[i]) / std::max(glm::length(gradients[i]), kLeastSlope);
-  return values;
-}
+/// F and |grad F| at points.
+struct Samples {
+  Samples(const std::vector<Vec3>& points, Backend& backend) : value(points.size()), slope(points.size()) {
+    std::vector<Vec3> gradients(points.size());
+    backend.evaluate(points, value, gradients);
+    for_each_index(points.size(), [&](std::size_t i) { slope[i] = glm::length(gradients[i]); });
+  }
+  /// The slope kept above a tenth of what a distance has.
+  double distance(std::size_t i) const {
+    constexpr float kLeastSlope = 0.1f;
+    return std::abs(value[i]) / std::max(slope[i], kLeastSlope);
+  }
+
+  std::vector<float> value, slope;
+};
 
 std::vector<Vec3> centroids_of(const TriangleMesh& mesh) {
   std::vector<Vec3> centroids(mesh.triangle_count());
@@ -186,31 +191,33 @@ std::vector<Vec3> centroids_of(const TriangleMesh& mesh) {
   return centroids;
 }
 
-void add_strays(const std::vector<Vec3>& points, double farthest, Backend& backend, BadSites& sites) {
-  const std::vector<float> distance = distances(points, backend);
+/// Bad by the distance that the gradient tells, surely bad by the one the certificate goes by.
+void add_strays(const std::vector<Vec3>& points, double share, const FarCorners& far, Backend& backend,
+                const BadSiteOptions& options, BadSites& sites) {
+  const Samples samples(points, backend);
   for (std::size_t i = 0; i < points.size(); ++i)
-    if (!(distance[i] <= farthest)) {
-      sites.point.push_back(points[i]);
-      ++sites.strays;
-    }
+    if (!(samples.distance(i) <= share * options.tolerance))
+      sites.add(points[i], far.is_far(samples.value[i], samples.slope[i]));
 }
 
 }  // namespace
 
-BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, const std::vector<std::int8_t>& winding,
-                        Backend& backend, const BadSiteOptions& options) {
+BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
+                        const std::vector<std::int8_t>& winding, Backend& backend, const BadSiteOptions& options) {
+  const Span span("bad sites");
   BadSites sites;
+  const FarCorners far(field, lattice, options.tolerance);
   const std::vector<Corner> corners = differing_corners(lattice, winding);
   const std::vector<Index> cluster = clusters_of(corners);
   std::vector<Vec3> points;
   for (const Corner& c : corners) points.push_back(Vec3(lattice.point(c.at)));
-  const std::vector<float> distance = distances(points, backend);
+  const Samples samples(points, backend);
 
   // Clusters as runs, corners nearest to the surface first: they are the ones a coarse mesh cuts.
   std::vector<Index> order(corners.size());
   std::iota(order.begin(), order.end(), Index(0));
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : distance[a] < distance[b];
+    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : samples.distance(a) < samples.distance(b);
   });
   std::vector<std::pair<std::size_t, std::size_t>> runs;
   for (std::size_t i = 0, j; i < order.size(); i = j) {
@@ -219,25 +226,23 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, c
     runs.emplace_back(i, j);
   }
   const Sides sides(lattice, winding);
-  std::vector<std::uint8_t> bad(corners.size(), 0);
+  std::vector<std::uint8_t> bad(corners.size(), 0), sure(corners.size(), 0);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t r) {
     const auto [begin, end] = runs[r];
     std::vector<IVec3> members;
+    for (std::size_t i = begin; i < end; ++i) members.push_back(corners[order[i]].at);
+    for (const Index i : peel(members, sides)) bad[order[begin + i]] = 1;
     for (std::size_t i = begin; i < end; ++i) {
-      const Corner& c = corners[order[i]];
-      members.push_back(c.at);
-      bad[order[i]] = distance[order[i]] > options.tolerance || winding[c.slot] < 0 || winding[c.slot] > 1;
+      const Index c = order[i];
+      const std::int8_t times = winding[corners[c].slot];
+      sure[c] = far.is_far(samples.value[c], samples.slope[c]);
+      bad[c] |= sure[c] || times < 0 || times > 1 || samples.distance(c) > options.tolerance;
     }
-    for (const Index i : peel(members, sides, options.strict)) bad[order[begin + i]] = 1;
   });
-  for (const auto& [begin, end] : runs) {
-    const std::size_t before = sites.point.size();
-    for (std::size_t i = begin; i < end; ++i)
-      if (bad[order[i]]) sites.point.push_back(points[order[i]]);
-    sites.clusters += sites.point.size() > before;
-  }
-  add_strays(mesh.vertices.position, options.stray_vertex * options.tolerance, backend, sites);
-  add_strays(centroids_of(mesh), options.stray_centre * options.tolerance, backend, sites);
+  for (const Index c : order)
+    if (bad[c]) sites.add(points[c], sure[c] != 0);
+  add_strays(mesh.vertices.position, options.stray_vertex, far, backend, options, sites);
+  add_strays(centroids_of(mesh), options.stray_centre, far, backend, options, sites);
   return sites;
 }
 

@@ -4,30 +4,35 @@
 #include <vector>
 
 #include "core/backend.h"
+#include "core/field/field.h"
 #include "core/sampling/brick_lattice.h"
 
 namespace isoskin {
 
 struct BadSiteOptions {
-  double tolerance = 1.0;     // corners with a larger distance estimate must be on the right side, world units
-  double stray_vertex = 1.0;  // a mesh vertex farther than this from the surface is bad, in units of the tolerance
-  double stray_centre = 1.5;  // the same of a triangle's centroid
-  bool strict = false;        // a corner must be simple in both digital connectivities, not in one, to be passed over
+  double tolerance = 1.0;  // corners with a larger distance estimate must be on the right side, world units
+  // A mesh vertex or a triangle's centroid farther than this from the surface is bad; in units of the tolerance.
+  double stray_vertex = 0.25, stray_centre = 0.75;
 };
 
 struct BadSites {
-  std::vector<Vec3> point;  // in a fixed order
-  std::size_t clusters =
-      0;  // of lattice corners that cannot change sides without changing the topology, or lie beyond the tolerance
-  std::size_t strays = 0;  // mesh vertices and centroids off the surface
+  std::vector<Vec3> point;         // in a fixed order
+  std::vector<std::uint8_t> sure;  // per point: it is off the surface or on the wrong side by more than the tolerance;
+                                   // the others may turn out to have the topology of the field
+
+  void add(const Vec3& p, bool is_sure) {
+    point.push_back(p);
+    sure.push_back(is_sure);
+  }
 };
 
 /// Corners whose side differs between mesh (`winding`, as winding_numbers gives it) and field are gathered into
 /// 26-connected clusters and flipped to the field's side, nearest to the surface first, as long as the flip is simple
-/// (see simple_point.h): there the coarse mesh merely cuts corners. What is left is where the topology has to change;
-/// it is bad, as are corners beyond the tolerance, and mesh vertices and centroids off the surface: a thread or film
-/// that the lattice is too coarse to see shows there. The backend must hold the field.
-BadSites find_bad_sites(const TriangleMesh& mesh, const BrickLattice& lattice, const std::vector<std::int8_t>& winding,
-                        Backend& backend, const BadSiteOptions& options);
+/// in both digital connectivities (see simple_point.h): there the coarse mesh merely cuts corners. What is left is
+/// where the topology may have to change. Bad are also corners that the mesh encloses twice, or beyond the tolerance,
+/// and mesh vertices and centroids off the surface: a thread or film that the lattice is too coarse to see shows there.
+/// The backend must hold the field, from which the lattice was sampled.
+BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
+                        const std::vector<std::int8_t>& winding, Backend& backend, const BadSiteOptions& options);
 
 }  // namespace isoskin

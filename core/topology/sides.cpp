@@ -47,36 +47,6 @@ double median_slope(const BrickLattice& lattice) {
   return slopes[slopes.size() / 2] / lattice.spacing;
 }
 
-/// How far a value is from the surface.
-struct Far {
-  double threshold = 0.0;  // |F| beyond which a corner is far, gradients apart
-  double tolerance = 0.0;
-  bool distances = false;
-  double spacing = 1.0;
-
-  Far(const Field& field, const BrickLattice& lattice, double tolerance_)
-      : tolerance(tolerance_), spacing(lattice.spacing) {
-    const double slope = median_slope(lattice);
-    distances = dynamic_cast<const GridField*>(&field) && slope > kLeastSlope && slope < kMostSlope;
-    threshold = tolerance * (distances ? std::min(slope, 1.0) : slope);
-  }
-
-  bool operator()(const float* value, int x, int y, int z) const {
-    const double v = value[(x * kCorners + y) * kCorners + z];
-    if (std::abs(v) <= threshold) return false;
-    if (distances) return true;
-    const int at[3] = {x, y, z}, stride[3] = {kCorners * kCorners, kCorners, 1};
-    double squared = 0.0;
-    for (int a = 0; a < 3; ++a) {
-      const int low = at[a] > 0 ? -stride[a] : 0, high = at[a] < kCells ? stride[a] : 0;
-      const float* p = value + (x * kCorners + y) * kCorners + z;
-      const double slope = (p[high] - p[low]) / (spacing * (low && high ? 2 : 1));
-      squared += slope * slope;
-    }
-    return std::abs(v) > tolerance * std::sqrt(squared);
-  }
-};
-
 /// Everything a walk up the columns reads and reports to.
 struct Walk {
   const TriangleMesh& mesh;
@@ -85,7 +55,7 @@ struct Walk {
   const BrickLattice& lattice;
   const LatticeTopology& topology;
   const MeshColumns& columns;
-  const Far far;
+  const FarCorners far;
   SideReport& report;
   std::atomic<std::size_t> checked{0}, wrong{0};
 };
@@ -158,7 +128,7 @@ private:
     const std::int32_t stride = std::max(1, (last - from) / kSamples);
     for (std::int32_t k = from; k <= last && !far_; k += stride) {
       const IVec3 corner(column_.x * kCells + x(), column_.y * kCells + y(), k);
-      if (std::abs(walk_.field.value(walk_.lattice.point(corner))) <= walk_.far.threshold) continue;
+      if (std::abs(walk_.field.value(walk_.lattice.point(corner))) <= walk_.far.threshold()) continue;
       far_ = true;
       if (owned()) ++wrong;
     }
@@ -206,7 +176,7 @@ void walk_column(Walk& walk, std::size_t c) {
   walk.wrong.fetch_add(wrong, std::memory_order_relaxed);
 }
 
-std::size_t count_far(const BrickLattice& lattice, const Far& far) {
+std::size_t count_far(const BrickLattice& lattice, const FarCorners& far) {
   std::atomic<std::size_t> sum{0};
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lattice.brick_count(), 16), [&](const auto& range) {
     std::size_t count = 0;
@@ -220,13 +190,38 @@ std::size_t count_far(const BrickLattice& lattice, const Far& far) {
 
 }  // namespace
 
+FarCorners::FarCorners(const Field& field, const BrickLattice& lattice, double tolerance)
+    : tolerance_(tolerance), median_slope_(median_slope(lattice)), spacing_(lattice.spacing) {
+  distances_ = dynamic_cast<const GridField*>(&field) && median_slope_ > kLeastSlope && median_slope_ < kMostSlope;
+  if (distances_) median_slope_ = std::min(median_slope_, 1.0);
+}
+
+bool FarCorners::operator()(const float* value, int x, int y, int z) const {
+  const double v = value[(x * kCorners + y) * kCorners + z];
+  if (std::abs(v) <= threshold()) return false;
+  if (distances_) return true;
+  const int at[3] = {x, y, z}, stride[3] = {kCorners * kCorners, kCorners, 1};
+  double squared = 0.0;
+  for (int a = 0; a < 3; ++a) {
+    const int low = at[a] > 0 ? -stride[a] : 0, high = at[a] < kCells ? stride[a] : 0;
+    const float* p = value + (x * kCorners + y) * kCorners + z;
+    const double slope = (p[high] - p[low]) / (spacing_ * (low && high ? 2 : 1));
+    squared += slope * slope;
+  }
+  return std::abs(v) > tolerance_ * std::sqrt(squared);
+}
+
+bool FarCorners::is_far(double value, double slope, double share) const {
+  return !(std::abs(value) <= share * tolerance_ * (distances_ ? median_slope_ : std::max(median_slope_, slope)));
+}
+
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
                        const BrickLattice& lattice, const LatticeTopology& topology, double tolerance) {
   SideReport report;
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
   const MeshColumns columns = cross_columns(mesh, lattice);
-  Walk walk{mesh, pieces, field, lattice, topology, columns, Far(field, lattice, tolerance), report};
+  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), report};
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) { walk_column(walk, c); });
   report.checked = count_far(lattice, walk.far);
   report.wrong = walk.wrong;

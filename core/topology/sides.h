@@ -11,6 +11,26 @@
 
 namespace isoskin {
 
+/// Tells what is farther from the surface than a tolerance: |F| > tolerance * slope. For grids that hold distances (the
+/// median slope at the surface lies between 1/2 and 2) the slope is that median, at most 1, whatever the gradient,
+/// which vanishes inside thin sheets; for other fields it is |grad F|, at least that median.
+class FarCorners {
+public:
+  /// `field` is the one the lattice was sampled from; `tolerance` in world units.
+  FarCorners(const Field& field, const BrickLattice& lattice, double tolerance);
+
+  /// Of a corner of the brick whose first value is at `value`; |grad F| by differences.
+  bool operator()(const float* value, int x, int y, int z) const;
+  /// Of a value of F where its gradient is `slope` long, and `share` of the tolerance.
+  bool is_far(double value, double slope, double share = 1.0) const;
+  /// No |F| up to this is far.
+  double threshold() const { return tolerance_ * median_slope_; }
+
+private:
+  double tolerance_, median_slope_, spacing_;
+  bool distances_ = false;
+};
+
 struct SideReport {
   std::size_t checked = 0;                  // lattice corners farther from the surface than the tolerance
   std::size_t wrong = 0;                    // of those, with a winding number that is not 1 inside and 0 outside
@@ -22,10 +42,7 @@ struct SideReport {
 /// stretch of corners where they disagree by the same amount is wrong when one of its corners is farther from the
 /// surface than `tolerance`; whatever changes at its two ends, mesh or sign, is to blame. Columns are walked from end
 /// to end of space: where there are no bricks F keeps its sign, and corners in wrong stretches are evaluated through
-/// `field` (up to 64 a stretch). A corner is far when |F| > tolerance * slope: for grids that hold distances (the
-/// median slope at the surface lies between 1/2 and 2) the slope is that median, at most 1, whatever the gradient,
-/// which vanishes inside thin sheets; for other fields it is |grad F| by differences, at least that median. Parallel
-/// and deterministic.
+/// `field` (up to 64 a stretch). See FarCorners for what is far. Parallel and deterministic.
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
                        const BrickLattice& lattice, const LatticeTopology& topology, double tolerance);
 

@@ -1,0 +1,91 @@
+#include "core/topology/filling.h"
+
+#include <algorithm>
+#include <queue>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include "core/mesh/triangle_mesh.h"
+#include "core/parallel.h"
+
+namespace isoskin {
+
+Index Filling::triangle(Index from, Index to) const {
+  for (const Edge& e : edges(from))
+    if (e.to == to) return e.triangle;
+  return kNone;
+}
+
+std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backend) {
+  std::vector<float> values(points.size());
+  std::vector<Vec3> normals(points.size());
+  backend.evaluate(points, values, normals);
+  for (Vec3& n : normals) {
+    const float length = glm::length(n);
+    n = length > 0.0f ? -n / length : Vec3(0.0f);
+  }
+  return normals;
+}
+
+Filling make_filling(OpenSurface surface, Backend& backend) {
+  Filling filling;
+  filling.surface = std::move(surface);
+  const auto& s = filling.surface;
+  filling.normal = field_normals(s.position, backend);
+  filling.first.assign(s.position.size() + 1, 0);
+  for (const Index v : s.triangle) filling.first[v] += 2;  // each halfedge is seen from both of its ends
+  Index sum = 0;
+  for (Index& f : filling.first) sum += std::exchange(f, sum);
+  filling.edge.resize(sum);
+  filling.count.assign(s.position.size(), 0);
+  const auto add = [&](Index from, Index to, Index triangle) {
+    filling.edge[filling.first[from] + filling.count[from]++] = {to, triangle};
+  };
+  for (Index h = 0; h < s.triangle.size(); ++h) {
+    const Index a = s.triangle[h], b = s.triangle[TriangleMesh::next(h)];
+    add(a, b, h / 3);
+    add(b, a, kNone);
+  }
+  for_each_index(s.position.size(), [&](std::size_t v) {
+    const auto begin = filling.edge.begin() + filling.first[v], end = begin + filling.count[v];
+    std::sort(begin, end);  // a triangle comes before kNone
+    filling.count[v] =
+        Index(std::unique(begin, end, [](const auto& p, const auto& q) { return p.to == q.to; }) - begin);
+  });
+  return filling;
+}
+
+std::vector<Index> shortest_path(const Filling& filling, Index a, Index b, const std::vector<std::uint8_t>& used,
+                                 float slack) {
+  const auto& position = filling.surface.position;
+  const Vec3 from = position[a], to = position[b];
+  const float straight = glm::length(to - from);
+  const auto off_line = [&](Index v) {
+    const Vec3 d = position[v] - from, line = straight > 0.0f ? (to - from) / straight : Vec3(0.0f);
+    return glm::length(d - glm::dot(d, line) * line);
+  };
+  using Entry = std::tuple<float, Index, Index>;  // cost, vertex, where it came from
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  std::unordered_map<Index, Index> came_from;
+  open.emplace(0.0f, a, kNone);
+  while (!open.empty()) {
+    const auto [cost, v, before] = open.top();
+    open.pop();
+    if (!came_from.emplace(v, before).second) continue;
+    if (v == b) {
+      std::vector<Index> path;
+      for (Index at = b; at != kNone; at = came_from[at]) path.push_back(at);
+      std::reverse(path.begin(), path.end());
+      return path;
+    }
+    for (const auto& [next, triangle] : filling.edges(v)) {
+      if (came_from.count(next) || (used[next] && next != b)) continue;
+      if (glm::length(position[next] - from) + glm::length(position[next] - to) > straight + slack) continue;
+      open.emplace(cost + glm::length(position[next] - position[v]) + off_line(next), next, v);
+    }
+  }
+  return {};
+}
+
+}  // namespace isoskin

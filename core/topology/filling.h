@@ -1,0 +1,42 @@
+// What a local re-skin fills holes with: the lattice's surface about them, to be cut along seams.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/backend.h"
+#include "core/sampling/marching_cubes.h"
+
+namespace isoskin {
+
+/// The lattice's surface with borders, with the neighbourhoods and normals that seams need.
+struct Filling {
+  struct Edge {
+    Index to, triangle;  // the triangle with the halfedge to `to`; kNone on the outside of the filling's border
+    bool operator<(const Edge& other) const { return to != other.to ? to < other.to : triangle < other.triangle; }
+  };
+
+  OpenSurface surface;
+  std::vector<Vec3> normal;  // of the field, outward, at every position
+  std::vector<Index> first;  // per vertex: its edges in `edge`, CSR with gaps: count[v] are used
+  std::vector<Index> count;
+  std::vector<Edge> edge;
+
+  std::size_t triangle_count() const { return surface.triangle.size() / 3; }
+  std::span<const Edge> edges(Index v) const { return {edge.data() + first[v], count[v]}; }
+  /// The triangle with the halfedge, kNone where there is none.
+  Index triangle(Index from, Index to) const;
+};
+
+/// The backend must hold the field.
+Filling make_filling(OpenSurface surface, Backend& backend);
+
+/// Outward unit normals of the field, zero where the gradient vanishes.
+std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backend);
+
+/// Shortest path on the filling's edges from a to b that keeps near the straight line and off `used` vertices (b may be
+/// one); at most `slack` longer than the line. Empty when there is none.
+std::vector<Index> shortest_path(const Filling& filling, Index a, Index b, const std::vector<std::uint8_t>& used,
+                                 float slack);
+
+}  // namespace isoskin

@@ -1,0 +1,279 @@
+#include "core/topology/holes.h"
+
+#include <algorithm>
+#include <limits>
+#include <unordered_map>
+
+#include "core/topology/point_grid.h"
+
+namespace isoskin {
+namespace {
+
+/// Removes connected scraps that would stay between removed triangles: they have no surroundings to be placed by.
+void remove_scraps(const TriangleMesh& mesh, std::size_t most, std::vector<std::uint8_t>& removed) {
+  std::vector<std::uint8_t> seen = removed;
+  std::vector<Index> scrap;
+  for (Index start = 0; start < removed.size(); ++start) {
+    const bool beside = removed[mesh.twin[3 * start] / 3] || removed[mesh.twin[3 * start + 1] / 3] ||
+                        removed[mesh.twin[3 * start + 2] / 3];
+    if (seen[start] || !beside) continue;
+    scrap.assign(1, start);
+    seen[start] = 1;
+    for (std::size_t i = 0; i < scrap.size() && scrap.size() <= most; ++i)
+      for (Index h = 3 * scrap[i]; h < 3 * scrap[i] + 3; ++h)
+        if (const Index next = mesh.twin[h] / 3; !seen[next]) {
+          seen[next] = 1;
+          scrap.push_back(next);
+        }
+    if (scrap.size() <= most)
+      for (const Index t : scrap) removed[t] = 1;
+    else
+      for (const Index t : scrap) seen[t] = 0;
+  }
+}
+
+std::vector<std::uint8_t> removed_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
+  std::vector<std::uint8_t> removed(mesh.triangle_count(), 0);
+  for (Index h = 0; h < mesh.vertex.size(); ++h) removed[h / 3] |= hot[mesh.vertex[h]];
+  constexpr std::size_t kScrap = 24;  // triangles
+  remove_scraps(mesh, kScrap, removed);
+  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
+  for (bool widened = true; widened;) {
+    widened = false;
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      int changes = 0;
+      Index h = outgoing[v];
+      do {
+        changes += removed[h / 3] != removed[mesh.twin[h] / 3];
+        h = mesh.turn(h);
+      } while (h != outgoing[v]);
+      if (changes <= 2) continue;
+      do {
+        removed[h / 3] = 1;
+        h = mesh.turn(h);
+      } while (h != outgoing[v]);
+      widened = true;
+    }
+  }
+  return removed;
+}
+
+/// Counts a set of triangles' vertices, edges and faces. Edges inside the set are seen from both sides.
+class EulerCount {
+public:
+  explicit EulerCount(std::size_t vertices) : seen_in_(vertices, kNone) {}
+
+  void start(Index set) {
+    set_ = set;
+    vertices_ = faces_ = inner_halfedges_ = border_halfedges_ = 0;
+  }
+  void corner(Index v) {
+    if (seen_in_[v] != set_) ++vertices_;
+    seen_in_[v] = set_;
+  }
+  void face() { ++faces_; }
+  void halfedge(bool border) { ++(border ? border_halfedges_ : inner_halfedges_); }
+  int euler() const { return vertices_ - inner_halfedges_ / 2 - border_halfedges_ + faces_; }
+
+private:
+  std::vector<Index> seen_in_;
+  Index set_ = kNone;
+  int vertices_ = 0, faces_ = 0, inner_halfedges_ = 0, border_halfedges_ = 0;
+};
+
+void number_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& removed, Holes& holes) {
+  holes.of_triangle.assign(removed.size(), kNone);
+  EulerCount count(mesh.vertex_count());
+  for (Index start = 0; start < removed.size(); ++start) {
+    if (!removed[start] || holes.of_triangle[start] != kNone) continue;
+    const Index hole = holes.count();
+    count.start(hole);
+    std::vector<Index> stack(1, start);
+    holes.of_triangle[start] = hole;
+    while (!stack.empty()) {
+      const Index t = stack.back();
+      stack.pop_back();
+      count.face();
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+        count.corner(mesh.vertex[h]);
+        const Index next = mesh.twin[h] / 3;
+        count.halfedge(!removed[next]);
+        if (!removed[next] || holes.of_triangle[next] != kNone) continue;
+        holes.of_triangle[next] = hole;
+        stack.push_back(next);
+      }
+    }
+    holes.euler.push_back(count.euler());
+  }
+}
+
+void find_seams(const TriangleMesh& mesh, Holes& holes) {
+  const auto removed = [&](Index h) { return holes.of_triangle[h / 3] != kNone; };
+  const auto on_border = [&](Index h) { return removed(h) && !removed(mesh.twin[h]); };
+  std::vector<std::uint8_t> seen(mesh.vertex.size(), 0);
+  for (Index start = 0; start < mesh.vertex.size(); ++start) {
+    if (seen[start] || !on_border(start)) continue;
+    Seam seam;
+    seam.hole = holes.of_triangle[start / 3];
+    Index h = start;
+    do {
+      seen[h] = 1;
+      seam.halfedge.push_back(h);
+      h = TriangleMesh::next(h);
+      while (!on_border(h)) h = TriangleMesh::next(mesh.twin[h]);
+    } while (h != start);
+    holes.seams.push_back(std::move(seam));
+  }
+}
+
+/// Marks seams that cannot be snapped.
+std::vector<Index> snap(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filling& filling, double spacing,
+                        Backend& backend) {
+  constexpr float kReach = 2.0f, kAgree = 0.3f;  // in lattice spacings; cosine between normals
+  std::vector<Vec3> points;
+  for (const Seam& seam : seams)
+    for (const Index h : seam.halfedge) points.push_back(mesh.position(mesh.from(h)));
+  const std::vector<Vec3> normals = field_normals(points, backend);
+  const PointGrid grid(filling.surface.position, kReach * float(spacing));
+  std::vector<Index> snapped(mesh.vertex_count(), kNone);
+  std::vector<std::uint8_t> taken(filling.surface.position.size(), 0);
+  std::size_t next = 0;
+  for (Seam& seam : seams) {
+    const std::size_t begin = next;
+    next += seam.halfedge.size();
+    for (std::size_t i = begin; i < next; ++i) {
+      std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
+      grid.near(points[i], [&](Index candidate, float square) {
+        if (glm::dot(normals[i], filling.normal[candidate]) > kAgree && !taken[candidate])
+          best = std::min(best, {square, candidate});
+      });
+      if (best.second == kNone) {
+        seam.failed_at.push_back(seam.halfedge[i - begin]);
+        continue;
+      }
+      taken[best.second] = 1;
+      snapped[mesh.from(seam.halfedge[i - begin])] = best.second;
+    }
+    seam.failed = !seam.failed_at.empty();
+  }
+  return snapped;
+}
+
+void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filling& filling,
+                 const std::vector<Index>& snapped, double spacing) {
+  constexpr float kSlack = 4.0f;  // in lattice spacings: how much longer than the edge a path may be
+  std::vector<std::uint8_t> used(filling.surface.position.size(), 0);
+  for (const Index target : snapped)
+    if (target != kNone) used[target] = 1;
+  for (Seam& seam : seams) {
+    for (const Index h : seam.halfedge) {
+      if (seam.failed) break;
+      std::vector<Index> path =
+          shortest_path(filling, snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
+      if (path.empty()) seam.failed_at.push_back(h);
+      for (const Index v : path) used[v] = 1;
+      seam.path.push_back(std::move(path));
+    }
+    seam.failed |= !seam.failed_at.empty();
+  }
+}
+
+/// The directed edges of all paths, with their seams.
+class Barriers {
+public:
+  Barriers(const std::vector<Seam>& seams, std::size_t vertices) : on_path_(vertices, 0) {
+    for (Index s = 0; s < seams.size(); ++s)
+      if (!seams[s].failed)
+        for (const auto& path : seams[s].path)
+          for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+            seam_[directed(path[i], path[i + 1])] = s;
+            on_path_[path[i]] = on_path_[path[i + 1]] = 1;
+          }
+  }
+
+  /// The seam whose path runs from a to b, kNone if none does.
+  Index seam(Index a, Index b) const {
+    if (!on_path_[a] || !on_path_[b]) return kNone;
+    const auto it = seam_.find(directed(a, b));
+    return it == seam_.end() ? kNone : it->second;
+  }
+
+private:
+  static std::uint64_t directed(Index from, Index to) { return (std::uint64_t(from) << 32) | to; }
+
+  std::unordered_map<std::uint64_t, Index> seam_;
+  std::vector<std::uint8_t> on_path_;
+};
+
+}  // namespace
+
+Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
+  Holes holes;
+  number_holes(mesh, removed_triangles(mesh, hot), holes);
+  find_seams(mesh, holes);
+  return holes;
+}
+
+std::vector<Index> lay_seams(const TriangleMesh& mesh, Holes& holes, const Filling& filling, double spacing,
+                             Backend& backend) {
+  std::vector<Index> snapped = snap(mesh, holes.seams, filling, spacing, backend);
+  trace_paths(mesh, holes.seams, filling, snapped, spacing);
+  return snapped;
+}
+
+Patches find_patches(Holes& holes, const Filling& filling) {
+  const auto& triangle = filling.surface.triangle;
+  const Barriers barriers(holes.seams, filling.surface.position.size());
+  Patches patches;
+  patches.of_triangle.assign(filling.triangle_count(), kNone);
+  EulerCount count(filling.surface.position.size());
+  const auto flood = [&](Index start) {
+    const Index patch = patches.count();
+    bool leaky = false;
+    count.start(patch);
+    std::vector<Index> stack(1, start);
+    patches.of_triangle[start] = patch;
+    while (!stack.empty()) {
+      const Index t = stack.back();
+      stack.pop_back();
+      count.face();
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+        const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
+        const bool own = barriers.seam(a, b) != kNone;
+        count.corner(a);
+        count.halfedge(own);
+        if (own) continue;
+        const Index next = filling.triangle(b, a);
+        if (next == kNone || barriers.seam(b, a) != kNone) {
+          leaky = true;
+        } else if (patches.of_triangle[next] == kNone) {
+          patches.of_triangle[next] = patch;
+          stack.push_back(next);
+        }
+      }
+    }
+    patches.euler.push_back(count.euler());
+    patches.seams.emplace_back();
+    patches.leaks.push_back(leaky);
+  };
+  for (Index s = 0; s < holes.seams.size(); ++s) {
+    Seam& seam = holes.seams[s];
+    if (seam.failed) continue;
+    for (const auto& path : seam.path)
+      for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        const Index t = filling.triangle(path[i], path[i + 1]);
+        seam.failed |= t == kNone;
+        if (t == kNone) continue;
+        if (patches.of_triangle[t] == kNone) flood(t);
+        std::vector<Index>& own = patches.seams[patches.of_triangle[t]];
+        if (own.empty() || own.back() != s) own.push_back(s);
+      }
+  }
+  // Whoever has the outside of the filling, or of another hole, on its hole's side is wrong; the others may be right.
+  for (Index p = 0; p < patches.count(); ++p)
+    if (patches.leaks[p])
+      for (const Index s : patches.seams[p]) holes.seams[s].failed = true;
+  return patches;
+}
+
+}  // namespace isoskin

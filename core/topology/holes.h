@@ -1,0 +1,51 @@
+// Holes cut into a mesh, the seams about them, and the patches of a filling that close them.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/triangle_mesh.h"
+#include "core/topology/filling.h"
+
+namespace isoskin {
+
+/// A border of a hole, as halfedges of removed triangles: the hole lies to their left.
+struct Seam {
+  Index hole = kNone;
+  std::vector<Index> halfedge;
+  std::vector<std::vector<Index>> path;  // per halfedge: filling vertices from the snapped start to the snapped end
+  bool failed = false;
+  std::vector<Index> failed_at;  // halfedges that could not be snapped or joined; none where the patch is wrong
+};
+
+/// Connected sets of removed triangles.
+struct Holes {
+  std::vector<Index> of_triangle;  // per triangle of the mesh: its hole, kNone where it stays
+  std::vector<int> euler;          // per hole: of the removed triangles with their border
+  std::vector<Seam> seams;
+
+  Index count() const { return Index(euler.size()); }
+};
+
+/// Removes triangles with a hot vertex (one byte a vertex), and then more until every border is a simple closed curve.
+/// Holes are numbered by their first triangle, seams by their first halfedge.
+Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot);
+
+/// Snaps seam vertices to the nearest vertex of the filling on the same side, each to one of its own, and joins
+/// neighbours by shortest paths that share no vertex. Seams for which it cannot be done fail. Returns, per vertex of
+/// the mesh, the filling's vertex, kNone away from seams. `spacing`: of the lattice.
+std::vector<Index> lay_seams(const TriangleMesh& mesh, Holes& holes, const Filling& filling, double spacing,
+                             Backend& backend);
+
+/// Connected parts of the filling on the holes' sides of the seams' paths.
+struct Patches {
+  std::vector<Index> of_triangle;         // per triangle of the filling: its patch, kNone where it has none
+  std::vector<int> euler;                 // per patch, with its border
+  std::vector<std::vector<Index>> seams;  // per patch: the seams it closes, ascending; they fail when it leaks
+  std::vector<std::uint8_t> leaks;        // per patch: it runs out at the filling's border or behind a seam
+
+  Index count() const { return Index(euler.size()); }
+};
+
+Patches find_patches(Holes& holes, const Filling& filling);
+
+}  // namespace isoskin

@@ -1,0 +1,67 @@
+// Points in cells as wide as a search radius.
+#pragma once
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include <tbb/parallel_sort.h>
+
+#include "core/parallel.h"
+#include "core/types.h"
+
+namespace isoskin {
+
+/// Finds the points within the radius of a place. Building and the order of visits do not depend on threads; queries
+/// may run in parallel. `points` must outlive it.
+class PointGrid {
+public:
+  PointGrid(const std::vector<Vec3>& points, float radius) : points_(points), radius_(radius), entry_(points.size()) {
+    for_each_index(entry_.size(), [&](std::size_t i) { entry_[i] = {key(cell(points[i])), Index(i)}; });
+    tbb::parallel_sort(entry_);
+  }
+
+  /// Calls function(index, squared distance) for every point no farther than the radius.
+  template <class Function>
+  void near(const Vec3& p, const Function& function) const {
+    visit(p, [&](Index i, float square) {
+      function(i, square);
+      return false;
+    });
+  }
+
+  bool any_near(const Vec3& p) const {
+    return visit(p, [](Index, float) { return true; });
+  }
+
+private:
+  /// Visits until `visitor` returns true; whether it did. Cells of one column along z lie side by side.
+  template <class Visitor>
+  bool visit(const Vec3& p, const Visitor& visitor) const {
+    const IVec3 c = cell(p);
+    for (int n = 0; n < 9; ++n) {
+      const IVec3 low = c + IVec3(n / 3 - 1, n % 3 - 1, -1);
+      const std::uint64_t last = key(low + IVec3(0, 0, 2));
+      auto it = std::lower_bound(entry_.begin(), entry_.end(), std::pair{key(low), Index(0)});
+      for (; it != entry_.end() && it->first <= last; ++it) {
+        const Vec3 d = points_[it->second] - p;
+        if (const float square = glm::dot(d, d); square <= radius_ * radius_ && visitor(it->second, square))
+          return true;
+      }
+    }
+    return false;
+  }
+
+  IVec3 cell(const Vec3& p) const { return IVec3(glm::floor(p / radius_)); }
+  /// Sorts by x, y, z; 2^20 cells each way.
+  static std::uint64_t key(const IVec3& c) {
+    constexpr int kOffset = 1 << 20;
+    return (std::uint64_t(c.x + kOffset) << 42) | (std::uint64_t(c.y + kOffset) << 21) | std::uint64_t(c.z + kOffset);
+  }
+
+  const std::vector<Vec3>& points_;
+  float radius_;
+  std::vector<std::pair<std::uint64_t, Index>> entry_;
+};
+
+}  // namespace isoskin
