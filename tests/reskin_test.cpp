@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <map>
 
 #include <gtest/gtest.h>
 
@@ -64,6 +65,48 @@ void try_damages(const std::shared_ptr<const Field>& field, double edge_length, 
   }
 }
 
+/// A good skin about a ball, and all that a repair of it reads.
+struct Ball {
+  std::shared_ptr<const Field> field = std::make_shared<analytic::SphereField>(DVec3(0.1, 0.2, 0.3), 1.0);
+  std::unique_ptr<Backend> backend = make_reference_backend();
+  TrackOptions options;
+  TriangleMesh mesh;
+  BrickLattice lattice;
+  LatticeTopology topology;
+
+  Ball() {
+    options.edge_length = 0.1;
+    options = resolved(options, *field);
+    Tracker tracker(make_reference_backend(), options);
+    tracker.advance({1, 0.04, field, nullptr});
+    mesh = tracker.mechanical();
+    backend->set_field(field);
+    lattice = sample_lattice(*field, *backend, options.lattice_spacing);
+    topology = lattice_topology(lattice);
+  }
+
+  /// Repairs as if the one piece had failed.
+  ReskinReport repair(TriangleMesh& of, const BadSites& sites, bool replace_all = false) {
+    ReskinOptions reskin_options;
+    reskin_options.edge_length = options.edge_length;
+    reskin_options.replace_all = replace_all;
+    reskin_options.alter = options.alter;
+    reskin_options.alter.respect_locks = false;
+    const MeshPieces pieces = mesh_pieces(of);
+    Certificate failed;
+    failed.mesh_piece.assign(pieces.count(), Fault::euler);
+    failed.lattice_piece.assign(topology.piece_count(), Fault::euler);
+    return reskin(of, pieces, failed, sites, lattice, topology, *backend, reskin_options);
+  }
+};
+
+/// Positions by id.
+std::map<Index, Vec3> places(const TriangleMesh& mesh) {
+  std::map<Index, Vec3> out;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) out[mesh.vertices.id[v]] = mesh.position(v);
+  return out;
+}
+
 }  // namespace
 
 TEST(Reskin, MendsRandomDamageWithoutReextraction) {
@@ -79,4 +122,64 @@ TEST(Reskin, MendsRandomDamageWithoutReextraction) {
     local += tally[k].without_tier3;
   }
   EXPECT_GE(double(local), 0.99 * tried);
+}
+
+TEST(Reskin, LeavesAHoleAloneWhoseFillingHasTheSameTopology) {
+  Ball ball;
+  BadSites sites;
+  sites.add(ball.mesh.position(10), false);
+  TriangleMesh mesh = ball.mesh;
+  const ReskinReport report = ball.repair(mesh, sites);
+  EXPECT_EQ(report.triangles_removed, 0u);
+  EXPECT_EQ(report.triangles_added, 0u);
+  EXPECT_EQ(mesh.vertex, ball.mesh.vertex);
+  EXPECT_EQ(places(mesh), places(ball.mesh));
+}
+
+TEST(Reskin, ReplacesWhatIsSurelyBadAndTouchesNothingElse) {
+  Ball ball;
+  const Vec3 bad = ball.mesh.position(10);
+  for (const bool sure : {false, true}) {
+    BadSites sites;
+    sites.add(bad, sure);
+    TriangleMesh mesh = ball.mesh;
+    const ReskinReport report = ball.repair(mesh, sites, !sure);
+    EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+    EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+    EXPECT_GT(report.triangles_removed, 3u);
+    EXPECT_LT(report.triangles_removed, 40u);  // two rings of triangles, whatever the size of the mesh
+    EXPECT_EQ(report.seams, 1u);
+    const auto before = places(ball.mesh), after = places(mesh);
+    for (const auto& [id, position] : before) {
+      if (glm::distance(position, bad) < 2.5f * float(ball.options.edge_length)) continue;
+      ASSERT_TRUE(after.count(id)) << id;
+      EXPECT_EQ(after.at(id), position);
+    }
+    for (Index v = report.first_new_vertex; v < mesh.vertex_count(); ++v)
+      EXPECT_NEAR(glm::length(mesh.position(v) - Vec3(0.1f, 0.2f, 0.3f)), 1.0f, 0.02f);
+  }
+}
+
+TEST(Reskin, ReplacesASuspectHandle) {
+  // A tube joins two triangles; no vertex is off the surface.
+  Ball ball;
+  damage::Random random(5);
+  TriangleMesh mesh = damaged(ball.mesh, Damage::false_bridge, random, float(ball.options.edge_length));
+  ASSERT_NE(mesh_pieces(mesh).euler, std::vector<int>{2});
+  const std::map<Index, Vec3> old = places(ball.mesh);
+  BadSites sites;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (!old.count(mesh.vertices.id[v]) || old.at(mesh.vertices.id[v]) != mesh.position(v))
+      sites.add(mesh.position(v), false);
+  std::map<std::pair<Index, Index>, int> edges;
+  for (Index h = 0; h < ball.mesh.vertex.size(); ++h)
+    ++edges[{ball.mesh.vertices.id[ball.mesh.from(h)], ball.mesh.vertices.id[ball.mesh.to(h)]}];
+  for (Index h = 0; h < mesh.vertex.size(); ++h)
+    if (!edges.count({mesh.vertices.id[mesh.from(h)], mesh.vertices.id[mesh.to(h)]}))
+      sites.add(mesh.position(mesh.from(h)), false);
+  ASSERT_FALSE(sites.point.empty());
+  const ReskinReport report = ball.repair(mesh, sites);
+  EXPECT_GT(report.triangles_removed, 0u);
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+  EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
 }
