@@ -66,7 +66,7 @@ void try_damages(const std::shared_ptr<const Field>& field, double edge_length, 
 }
 
 /// A good skin about a ball, and all that a repair of it reads.
-struct Ball {
+struct GoodSkin {
   std::shared_ptr<const Field> field = std::make_shared<analytic::SphereField>(DVec3(0.1, 0.2, 0.3), 1.0);
   std::unique_ptr<Backend> backend = make_reference_backend();
   TrackOptions options;
@@ -74,7 +74,7 @@ struct Ball {
   BrickLattice lattice;
   LatticeTopology topology;
 
-  Ball() {
+  GoodSkin() {
     options.edge_length = 0.1;
     options = resolved(options, *field);
     Tracker tracker(make_reference_backend(), options);
@@ -125,33 +125,33 @@ TEST(Reskin, MendsRandomDamageWithoutReextraction) {
 }
 
 TEST(Reskin, LeavesAHoleAloneWhoseFillingHasTheSameTopology) {
-  Ball ball;
+  GoodSkin skin;
   BadSites sites;
-  sites.add(ball.mesh.position(10), false);
-  TriangleMesh mesh = ball.mesh;
-  const ReskinReport report = ball.repair(mesh, sites);
+  sites.add(skin.mesh.position(10), false);
+  TriangleMesh mesh = skin.mesh;
+  const ReskinReport report = skin.repair(mesh, sites);
   EXPECT_EQ(report.triangles_removed, 0u);
   EXPECT_EQ(report.triangles_added, 0u);
-  EXPECT_EQ(mesh.vertex, ball.mesh.vertex);
-  EXPECT_EQ(places(mesh), places(ball.mesh));
+  EXPECT_EQ(mesh.vertex, skin.mesh.vertex);
+  EXPECT_EQ(places(mesh), places(skin.mesh));
 }
 
 TEST(Reskin, ReplacesWhatIsSurelyBadAndTouchesNothingElse) {
-  Ball ball;
-  const Vec3 bad = ball.mesh.position(10);
+  GoodSkin skin;
+  const Vec3 bad = skin.mesh.position(10);
   for (const bool sure : {false, true}) {
     BadSites sites;
     sites.add(bad, sure);
-    TriangleMesh mesh = ball.mesh;
-    const ReskinReport report = ball.repair(mesh, sites, !sure);
+    TriangleMesh mesh = skin.mesh;
+    const ReskinReport report = skin.repair(mesh, sites, !sure);
     EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
     EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
     EXPECT_GT(report.triangles_removed, 3u);
     EXPECT_LT(report.triangles_removed, 40u);  // two rings of triangles, whatever the size of the mesh
     EXPECT_EQ(report.seams, 1u);
-    const auto before = places(ball.mesh), after = places(mesh);
+    const auto before = places(skin.mesh), after = places(mesh);
     for (const auto& [id, position] : before) {
-      if (glm::distance(position, bad) < 2.5f * float(ball.options.edge_length)) continue;
+      if (glm::distance(position, bad) < 2.5f * float(skin.options.edge_length)) continue;
       ASSERT_TRUE(after.count(id)) << id;
       EXPECT_EQ(after.at(id), position);
     }
@@ -162,23 +162,23 @@ TEST(Reskin, ReplacesWhatIsSurelyBadAndTouchesNothingElse) {
 
 TEST(Reskin, ReplacesASuspectHandle) {
   // A tube joins two triangles; no vertex is off the surface.
-  Ball ball;
+  GoodSkin skin;
   damage::Random random(5);
-  TriangleMesh mesh = damaged(ball.mesh, Damage::false_bridge, random, float(ball.options.edge_length));
+  TriangleMesh mesh = damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length));
   ASSERT_NE(mesh_pieces(mesh).euler, std::vector<int>{2});
-  const std::map<Index, Vec3> old = places(ball.mesh);
+  const std::map<Index, Vec3> old = places(skin.mesh);
   BadSites sites;
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     if (!old.count(mesh.vertices.id[v]) || old.at(mesh.vertices.id[v]) != mesh.position(v))
       sites.add(mesh.position(v), false);
   std::map<std::pair<Index, Index>, int> edges;
-  for (Index h = 0; h < ball.mesh.vertex.size(); ++h)
-    ++edges[{ball.mesh.vertices.id[ball.mesh.from(h)], ball.mesh.vertices.id[ball.mesh.to(h)]}];
+  for (Index h = 0; h < skin.mesh.vertex.size(); ++h)
+    ++edges[{skin.mesh.vertices.id[skin.mesh.from(h)], skin.mesh.vertices.id[skin.mesh.to(h)]}];
   for (Index h = 0; h < mesh.vertex.size(); ++h)
     if (!edges.count({mesh.vertices.id[mesh.from(h)], mesh.vertices.id[mesh.to(h)]}))
       sites.add(mesh.position(mesh.from(h)), false);
   ASSERT_FALSE(sites.point.empty());
-  const ReskinReport report = ball.repair(mesh, sites);
+  const ReskinReport report = skin.repair(mesh, sites);
   EXPECT_GT(report.triangles_removed, 0u);
   EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
   EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
