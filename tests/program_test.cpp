@@ -10,6 +10,7 @@
 
 #include "core/io/ply.h"
 #include "tests/program.h"
+#include "tests/sanitized.h"
 #include "tests/test_meshes.h"
 
 namespace isoskin {
@@ -87,8 +88,13 @@ TEST_F(Program, missing_file) {
 
 TEST_F(Program, truncated_vdb) {
   write_grid(folder_ / "cut.vdb", sphere());
-  fs::resize_file(folder_ / "cut.vdb", fs::file_size(folder_ / "cut.vdb") * 2 / 3);
-  expect_refused(track(file("cut.vdb")), {"cut.vdb"});
+  // From a file cut before its values OpenVDB 10 takes a size that it has not read, and asks for as much memory: that
+  // throws, but AddressSanitizer ends the program.
+  const std::uintmax_t whole = fs::file_size(folder_ / "cut.vdb"), cuts[] = {whole - 1000, whole * 2 / 3};
+  for (int cut = 0; cut < test::repeats(2, 1); ++cut) {
+    fs::resize_file(folder_ / "cut.vdb", cuts[cut]);
+    expect_refused(track(file("cut.vdb")), {"cut.vdb"});
+  }
   test::write_text(folder_ / "text.vdb", "not a grid");
   expect_refused(track(file("text.vdb")), {"text.vdb"});
 }

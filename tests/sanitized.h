@@ -5,7 +5,7 @@
 namespace isoskin::test {
 
 constexpr int repeats([[maybe_unused]] int whole, [[maybe_unused]] int sanitized) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef ISOSKIN_SANITIZED
   return sanitized;
 #else
   return whole;
