@@ -110,6 +110,16 @@ AlterOptions unlocked_and_still(AlterOptions options) {
   return options;
 }
 
+/// One byte a vertex: whether its piece has another topology than the field.
+std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certificate& certificate) {
+  std::vector<std::uint8_t> failed(pieces.of_vertex.size());
+  for_each_index(failed.size(), [&](std::size_t v) {
+    const Fault fault = pieces.of_vertex[v] == kNone ? Fault::none : certificate.mesh_piece[pieces.of_vertex[v]];
+    failed[v] = fault != Fault::none && fault != Fault::wrong_side;
+  });
+  return failed;
+}
+
 /// Lattice corners farther than the tolerance from the surface on whose side mesh and field differ.
 std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                                 double tolerance) {
@@ -195,9 +205,10 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     backend_->set_field(frame.field);
   }
   operate(frame, report);
-  move(frame, report);
+  Evidence evidence = sample(frame, report);
+  move(frame, evidence, report);
   relax(report);
-  const BrickLattice lattice = handle_events(frame, report);
+  handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
     if (frame.velocity)
@@ -207,7 +218,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    refine(*frame.field, lattice);
+    refine(*frame.field, evidence.lattice);
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
@@ -278,7 +289,7 @@ void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameRe
 
 /// Predicts; where the new surface has another topology than the mesh that was to follow it, the mesh as it was is
 /// operated on and predicted again.
-void Tracker::move(const FieldFrame& frame, FrameReport& report) {
+void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   constexpr int kRounds = 3;  // three sheets that meet need two
   for (Index& age : mesh_.vertices.age) ++age;
   std::vector<Ball> split;
@@ -289,28 +300,34 @@ void Tracker::move(const FieldFrame& frame, FrameReport& report) {
       before = mesh_.vertices;
       predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project);
     }
-    if (round == kRounds || !started_ || !collides(*frame.field) || !collide(frame, before, split, report)) break;
+    if (round == kRounds || !started_ || !collides(*frame.field) || !collide(frame, evidence, before, split, report))
+      break;
   }
   Step step(report, "predict");
   grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
 }
 
-/// On grids local re-skins replace no less for it, and frames take a fifth longer: most of what collides there has
-/// folded, or is thinner than the mesh.
+/// On grids local re-skins replace about as much with collisions as without, and frames take longer: most of what
+/// collides there has folded, or is thinner than the mesh.
 bool Tracker::collides(const Field& field) const {
   return options_.topology == Topology::collision ||
          (options_.topology == Topology::automatic && !has_critical_points(field) && field.resolution() == 0.0);
 }
 
-/// Operates on the mesh as it was before it was predicted; true when that changed it.
-bool Tracker::collide(const FieldFrame& frame, const VertexTable& before, std::vector<Ball>& split,
+/// Operates on the pieces that fail the certificate, as they were before they were predicted; true when that changed
+/// the mesh.
+bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                       FrameReport& report) {
+  certify(frame, evidence, report);
+  if (evidence.certificate.passed) return false;
   Step step(report, "collide");
   const auto begin = Clock::now();
   VertexTable predicted = std::exchange(mesh_.vertices, before);
   CollisionOptions options;
   options.edge_length = options_.edge_length;
-  const CollisionReport done = handle_collisions(mesh_, predicted.position, *backend_, *frame.field, split, options);
+  const CollisionReport done =
+      handle_collisions(mesh_, predicted.position, *backend_, *frame.field,
+                        failed_vertices(evidence.pieces, evidence.certificate), split, options);
   if (done.events.empty()) {
     mesh_.vertices = std::move(predicted);
     return false;
@@ -383,13 +400,15 @@ std::vector<Index> Tracker::held_vertices() const {
   return both;
 }
 
-BrickLattice Tracker::handle_events(const FieldFrame& frame, FrameReport& report) {
+Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) {
+  Step step(report, "certify");
   Evidence evidence;
-  {
-    Step step(report, "certify");
-    evidence.lattice = sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
-    evidence.topology = lattice_topology(evidence.lattice);
-  }
+  evidence.lattice = sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
+  evidence.topology = lattice_topology(evidence.lattice);
+  return evidence;
+}
+
+void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
   // First only where the topology differs, then about all that looks odd.
@@ -409,7 +428,6 @@ BrickLattice Tracker::handle_events(const FieldFrame& frame, FrameReport& report
   backend_->set_mesh(mesh_);
   normals_.resize(mesh_.vertex_count());
   backend_->vertex_normals(normals_);
-  return std::move(evidence.lattice);
 }
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {

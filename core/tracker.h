@@ -119,15 +119,17 @@ private:
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
-  void move(const FieldFrame& frame, FrameReport& report);
+  Evidence sample(const FieldFrame& frame, FrameReport& report);
+  void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
-  bool collide(const FieldFrame& frame, const VertexTable& before, std::vector<Ball>& split, FrameReport& report);
+  bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
+               FrameReport& report);
   void relax(FrameReport& report);
   RelaxReport relax_once();
   std::vector<std::uint8_t> relax_part(const MeshPart& part);
   std::vector<Index> held_vertices() const;
   std::vector<std::uint8_t> inverted_triangles();
-  BrickLattice handle_events(const FieldFrame& frame, FrameReport& report);
+  void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, FrameReport& report);
   void settle_new_skin(Index first_new);

@@ -61,7 +61,7 @@ Outcome follow(const Solid& before, const Solid& after) {
     predict(moved, nullptr, 0.04, *backend, project);
     const int euler = euler_of(outcome.mesh);
     const CollisionReport report =
-        handle_collisions(outcome.mesh, moved.vertices.position, *backend, *field, split, options);
+        handle_collisions(outcome.mesh, moved.vertices.position, *backend, *field, {}, split, options);
     if (report.events.empty()) {
       outcome.mesh = moved;
       return outcome;

@@ -352,12 +352,15 @@ bool plan(Operations& operations, const Cluster& cluster, const std::vector<Patc
 }  // namespace
 
 CollisionReport handle_collisions(TriangleMesh& mesh, const std::vector<Vec3>& moved, Backend& backend,
-                                  const Field& field, const std::vector<Ball>& split, const CollisionOptions& options) {
+                                  const Field& field, const std::vector<std::uint8_t>& open,
+                                  const std::vector<Ball>& split, const CollisionOptions& options) {
   CollisionReport report;
   if (mesh.empty()) return report;
   std::vector<Vec3> place = moved;
   std::swap(mesh.vertices.position, place);
-  const Marks marks = mark(mesh, backend, options);
+  Marks marks = mark(mesh, backend, options);
+  for (Index t = 0; t < marks.side.size() && !open.empty(); ++t)
+    if (!open[mesh.vertex[3 * t]]) marks.side[t] = 0;
   std::vector<Index> of;
   const std::vector<Patch> patches = patches_of(mesh, marks, of);
   const Links links = links_between(mesh, patches, of, options.near * options.edge_length);

@@ -52,6 +52,7 @@ struct CollisionReport {
 /// about a split lose their velocity, which was that of the neck. The result is a closed, oriented 2-manifold; vertices
 /// keep their ids and order. Parallel and deterministic.
 CollisionReport handle_collisions(TriangleMesh& mesh, const std::vector<Vec3>& moved, Backend& backend,
-                                  const Field& field, const std::vector<Ball>& split, const CollisionOptions& options);
+                                  const Field& field, const std::vector<std::uint8_t>& open,
+                                  const std::vector<Ball>& split, const CollisionOptions& options);
 
 }  // namespace isoskin
