@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -508,12 +509,13 @@ double Tracker::share_of_area(double part) const {
   return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
 }
 
-/// The mechanical mesh is certified; where refining it put a lattice corner on the wrong side, it is taken back.
+/// The mechanical mesh is certified; where refining it put a lattice corner on the wrong side, it is taken back:
+/// nearby, then farther away, at last everywhere.
 void Tracker::refine(const Field& field, const BrickLattice& lattice) {
   geometric_ = isoskin::refine(mesh_, *backend_, options_.refine, options_.project);
-  constexpr int kTries = 3;
-  float radius = float(2.0 * options_.edge_length);
-  for (int tried = 0; tried < kTries; ++tried, radius *= 2.0f) {
+  constexpr float kEverywhere = std::numeric_limits<float>::infinity();
+  const float e = float(options_.edge_length);
+  for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
     const std::vector<Vec3> wrong = wrong_corners(geometric_.mesh, field, lattice, options_.tolerance);
     if (wrong.empty()) break;
     flatten(geometric_, wrong, radius);
