@@ -231,6 +231,25 @@ FieldSample GridField::sample(const DVec3& p) const {
   return {value, slope / grid_->h};
 }
 
+double GridField::value(const DVec3& p) const {
+  const Cell cell = locate(*grid_, p);
+  if (!cell.taps) return cell.constant;
+  const auto [wx, wy, wz] = weights_at(*grid_, cell.t);
+  const int n = support(*grid_);
+  double value = 0.0;
+  for (int x = 0; x < n; ++x) {  // in the order of sample(), so both give the same bits
+    double plane = 0.0;
+    for (int y = 0; y < n; ++y) {
+      const float* row = cell.taps + (x * kTaps + y) * kTaps;
+      double line = 0.0;
+      for (int z = 0; z < n; ++z) line += wz.value[z] * row[z];
+      plane += wy.value[y] * line;
+    }
+    value += wx.value[x] * plane;
+  }
+  return value;
+}
+
 DMat3 GridField::hessian(const DVec3& p) const {
   const Cell cell = locate(*grid_, p);
   if (!cell.taps) return DMat3(0.0);

@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include <tbb/parallel_for.h>
 
 #include "core/sampling/brick_signs.h"
-#include "core/sampling/cell_shapes.h"
 #include "core/sampling/cell_surface.h"
 
 namespace isoskin {
@@ -16,13 +19,7 @@ namespace {
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 
-struct Face {
-  IVec3 corner;  // of the lattice, its low one
-  int axis;
-  std::array<float, 4> value;  // at the low corner, one along the next axis, one along the axis after that, both
-};
-
-void add_faces(const BrickLattice& lattice, std::size_t brick, std::vector<Face>& out) {
+void add_faces(const BrickLattice& lattice, std::size_t brick, std::vector<CrosswiseFace>& out) {
   const float* value = &lattice.value[brick * BrickLattice::kValues];
   const BrickSigns signs(value);
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
@@ -37,19 +34,129 @@ void add_faces(const BrickLattice& lattice, std::size_t brick, std::vector<Face>
         }
 }
 
-/// Crosswise signs, so the denominator is not zero and the saddle lies within the face.
-DVec3 saddle(const BrickLattice& lattice, const Face& f) {
-  const double p = f.value[0], q = f.value[1], r = f.value[2], s = f.value[3];
-  const double bend = p - q - r + s;
-  DVec3 at(f.corner);
-  at[(f.axis + 1) % 3] += std::clamp((p - r) / bend, 0.0, 1.0);
-  at[(f.axis + 2) % 3] += std::clamp((p - q) / bend, 0.0, 1.0);
-  return lattice.origin + lattice.spacing * at;
+/// F on a finer lattice in a cell or (flat along one axis) a face, and which of its points hang together: along fine
+/// edges, and across fine faces whose signs lie crosswise where the asymptotic decider joins them.
+class FinePoints {
+public:
+  static constexpr int kParts = 4;  // of a lattice edge
+
+  template <class Value>
+  FinePoints(const IVec3& parts, const Value& value) : side_(parts + 1) {
+    for (int x = 0; x < side_.x; ++x)
+      for (int y = 0; y < side_.y; ++y)
+        for (int z = 0; z < side_.z; ++z) value_[index({x, y, z})] = value(IVec3(x, y, z));
+  }
+
+  /// Is there a way between two points of one sign?
+  bool joined(const IVec3& from, const IVec3& to) {
+    inside_ = at(from) > 0.0;
+    seen_.fill(false);
+    open_.assign(1, from);
+    seen_[index(from)] = true;
+    while (!open_.empty()) {
+      const IVec3 p = open_.back();
+      open_.pop_back();
+      if (p == to) return true;
+      for (int a = 0; a < 3; ++a)
+        for (const int i : {-1, 1}) {
+          enter(p, a, i);
+          for (const int j : {-1, 1}) enter_across(p, a, i, (a + 1) % 3, j);
+        }
+    }
+    return false;
+  }
+
+private:
+  static constexpr int kSide = kParts + 1;
+  static int index(const IVec3& p) { return (p.x * kSide + p.y) * kSide + p.z; }
+  double at(const IVec3& p) const { return value_[index(p)]; }
+  bool wanted(const IVec3& p) const { return (at(p) > 0.0) == inside_; }
+
+  static IVec3 moved(IVec3 p, int axis, int by) {
+    p[axis] += by;
+    return p;
+  }
+  bool within(const IVec3& p) const {
+    return glm::all(glm::greaterThanEqual(p, IVec3(0))) && glm::all(glm::lessThan(p, side_));
+  }
+  void add(const IVec3& p) {
+    if (!std::exchange(seen_[index(p)], true)) open_.push_back(p);
+  }
+  void enter(const IVec3& p, int axis, int by) {
+    const IVec3 q = moved(p, axis, by);
+    if (within(q) && wanted(q)) add(q);
+  }
+  void enter_across(const IVec3& p, int a, int i, int b, int j) {
+    const IVec3 u = moved(p, a, i), w = moved(p, b, j), q = moved(u, b, j);
+    if (!within(q) || !wanted(q) || wanted(u) || wanted(w)) return;
+    const double own = at(p) * at(q), other = at(u) * at(w);
+    if (inside_ ? own > other : own >= other) add(q);
+  }
+
+  IVec3 side_;
+  std::array<double, kSide * kSide * kSide> value_;
+  std::array<bool, kSide * kSide * kSide> seen_;
+  std::vector<IVec3> open_;
+  bool inside_ = false;
+};
+
+/// The corners of a lattice cell, in parts of an edge.
+IVec3 fine_corner(int c) {
+  return FinePoints::kParts * IVec3(c & 1, c >> 1 & 1, c >> 2 & 1);
+}
+bool is_corner(const IVec3& p) {
+  return p.x % FinePoints::kParts == 0 && p.y % FinePoints::kParts == 0 && p.z % FinePoints::kParts == 0;
 }
 
-/// Does a tunnel lead through this cell of mixed signs?
-bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cell, const std::array<float, 8>& v) {
-  const CellShape& s = shape(find_shape(lattice, cell, v));
+/// The saddle of F that lies in the cell and joins inside to inside (or outside to outside), by Newton's method on the
+/// gradient from a point of the cell (in cells from its low corner).
+std::optional<DVec3> saddle_within(const BrickLattice& lattice, const Field& field, const IVec3& cell, DVec3 at,
+                                   bool joins_inside) {
+  constexpr int kSteps = 8;
+  constexpr double kLongest = 0.25, kClose = 1e-4;  // of the cell's edge
+  if (!field.is_c2()) return {};
+  for (int step = 0; step < kSteps; ++step) {
+    const DVec3 p = lattice.origin + lattice.spacing * (DVec3(cell) + at);
+    const DMat3 hessian = field.hessian(p);
+    const double determinant = glm::determinant(hessian);
+    // One positive eigenvalue of three joins inside: an even number of negative ones and a positive determinant.
+    if (!std::isfinite(determinant) || determinant == 0.0) return {};
+    DVec3 move = -(glm::inverse(hessian) * field.sample(p).gradient) / lattice.spacing;
+    const double length = glm::length(move);
+    if (!std::isfinite(length)) return {};
+    if (length < kClose) return (determinant > 0.0) == joins_inside ? std::optional(p) : std::nullopt;
+    if (length > kLongest) move *= kLongest / length;
+    at += move;
+    if (glm::any(glm::lessThan(at, DVec3(0.0))) || glm::any(glm::greaterThan(at, DVec3(1.0)))) return {};
+  }
+  return {};
+}
+
+/// The end of a loop's first edge that lies on the given side.
+int corner_behind(const CellShape& s, int loop, const std::array<float, 8>& v, bool inside) {
+  const CellEdge e = cell_edge(s.edge[s.first[loop]]);
+  const int low = e.low[0] | e.low[1] << 1 | e.low[2] << 2;
+  return (v[low] > 0.0f) == inside ? low : low | 1 << e.axis;
+}
+
+}  // namespace
+
+bool inside_joined(const BrickLattice& lattice, const Field& field, const CrosswiseFace& f) {
+  constexpr int n = FinePoints::kParts;
+  const int u = (f.axis + 1) % 3, w = (f.axis + 2) % 3;
+  IVec3 parts(n);
+  parts[f.axis] = 0;
+  FinePoints points(parts, [&](const IVec3& p) {
+    if (is_corner(p)) return double(f.value[(p[u] ? 1 : 0) + (p[w] ? 2 : 0)]);
+    return field.value(lattice.origin + lattice.spacing * (DVec3(f.corner) + DVec3(p) / double(n)));
+  });
+  IVec3 far_u(0), far_w(0);
+  far_u[u] = far_w[w] = n;
+  return f.value[0] > 0.0f ? points.joined(IVec3(0), far_u + far_w) : points.joined(far_u, far_w);
+}
+
+bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cell, const CellShape& s,
+               const std::array<float, 8>& v) {
   if (s.loops != 2) return false;
   CellCrossings crossing;
   for (int k = 0; k < s.first[2]; ++k) {
@@ -61,22 +168,23 @@ bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cel
   }
   const std::optional<Neck> neck = find_neck(s, crossing);
   if (!neck) return false;
-  for (const double t : {0.25, 0.5, 0.75}) {
-    const DVec3 at = DVec3(cell) + neck->from + t * (neck->to - neck->from);
-    if ((field.value(lattice.origin + lattice.spacing * at) > 0.0) != neck->outside) return false;
-  }
-  return true;
+  const bool inside = neck->outside;  // a tunnel is of the side that does not lie between the loops
+  if (const auto saddle = saddle_within(lattice, field, cell, 0.5 * (neck->from + neck->to), inside))
+    return (field.value(*saddle) > 0.0) == inside;
+  FinePoints points(IVec3(FinePoints::kParts), [&](const IVec3& p) {
+    if (is_corner(p)) return double(v[(p.x ? 1 : 0) | (p.y ? 2 : 0) | (p.z ? 4 : 0)]);
+    return field.value(lattice.origin + lattice.spacing * (DVec3(cell) + DVec3(p) / double(FinePoints::kParts)));
+  });
+  return points.joined(fine_corner(corner_behind(s, 0, v, inside)), fine_corner(corner_behind(s, 1, v, inside)));
 }
-
-}  // namespace
 
 void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field) {
   std::vector<std::vector<BrickLattice::Face>> found(lattice.brick_count());
   tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
-    std::vector<Face> faces;
+    std::vector<CrosswiseFace> faces;
     add_faces(lattice, b, faces);
-    for (const Face& f : faces)
-      found[b].push_back({BrickLattice::face_key(f.corner, f.axis), field.value(saddle(lattice, f)) > 0.0});
+    for (const CrosswiseFace& f : faces)
+      found[b].push_back({BrickLattice::face_key(f.corner, f.axis), inside_joined(lattice, field, f)});
   });
   lattice.face.clear();
   for (const auto& f : found) lattice.face.insert(lattice.face.end(), f.begin(), f.end());
@@ -99,7 +207,8 @@ void resolve_tunnels(BrickLattice& lattice, const Field& field) {
           for (int c = 0; c < 8; ++c)
             v[c] = value[((x + (c & 1)) * kCorners + y + (c >> 1 & 1)) * kCorners + at.z + (c >> 2)];
           const IVec3 cell = lattice.coordinate[b] * kCells + at;
-          if (is_tunnel(lattice, field, cell, v)) found[b].push_back(BrickLattice::face_key(cell, 3));
+          if (is_tunnel(lattice, field, cell, shape(find_shape(lattice, cell, v)), v))
+            found[b].push_back(BrickLattice::face_key(cell, 3));
         }
   });
   lattice.tunnel.clear();

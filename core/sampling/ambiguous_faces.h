@@ -6,15 +6,29 @@
 
 #include "core/field/field.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/cell_shapes.h"
 
 namespace isoskin {
 
-/// Evaluates F at the saddle of the bilinear interpolant of every ambiguous face and fills lattice.face. Parallel.
+/// Fills lattice.face: every ambiguous face, resolved by inside_joined(). Parallel.
 void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field);
 
-/// Fills lattice.tunnel: cells of two loops between whose centres F, at a quarter, half and three quarters of the way,
-/// has the sign that lies beyond them (the interior ambiguity of marching cubes). Faces must be resolved. Parallel.
+/// Fills lattice.tunnel: cells of two loops behind which F, on a lattice four times as fine, hangs together inside the
+/// cell (the interior ambiguity of marching cubes). Faces must be resolved. Parallel.
 void resolve_tunnels(BrickLattice& lattice, const Field& field);
+
+/// A cell face whose corner signs lie crosswise.
+struct CrosswiseFace {
+  IVec3 corner;  // of the lattice, its low one
+  int axis;
+  std::array<float, 4> value;  // at the low corner, one along the next axis, one along the axis after that, both
+};
+/// Do its inside corners hang together? F on a lattice four times as fine in the face says.
+bool inside_joined(const BrickLattice& lattice, const Field& field, const CrosswiseFace& face);
+
+/// Does a tunnel lead through this cell, whose corners have the values v?
+bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cell, const CellShape& shape,
+               const std::array<float, 8>& v);
 
 /// The shape of a cell, with lattice.face deciding where it can.
 std::uint16_t find_shape(const BrickLattice& lattice, const IVec3& cell, const std::array<float, 8>& v);

@@ -12,6 +12,7 @@
 
 #include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/grid_lattice.h"
+#include "core/sampling/hidden_crossings.h"
 
 namespace isoskin {
 namespace {
@@ -241,6 +242,7 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
     if (round == kMostRounds) throw InputError("the surface runs out of the field's bounds; expected a closed surface");
     fresh = insert(lattice, more);
   }
+  reveal_hidden_crossings(lattice, field);
   resolve_ambiguous_faces(lattice, field);
   resolve_tunnels(lattice, field);
   return lattice;

@@ -1,0 +1,16 @@
+// What corner signs hide: a lattice edge between two corners of one side that the surface crosses twice (design 8: the
+// lattice is refined where sheets are thin; here only what refining would say is taken over).
+#pragma once
+
+#include "core/field/field.h"
+#include "core/sampling/brick_lattice.h"
+
+namespace isoskin {
+
+/// Where a neck or a hole thinner than the spacing runs between two corners, one of them changes sides if that gives
+/// the cells about the edge the Euler characteristic that F has there on a lattice four times as fine; its value
+/// becomes the smallest of the other sign. Only corners whose cells are all in the lattice. Before
+/// resolve_ambiguous_faces(). Returns how many corners changed. Parallel, and deterministic.
+std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field);
+
+}  // namespace isoskin
