@@ -167,7 +167,7 @@ TEST(Certificate, PiecesAgreeWithLabelledVoxels) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> place(-1.1, 1.1), radius(0.12, 0.4);
   int judged = 0;
-  for (int scene = 0; scene < 12; ++scene) {
+  for (int scene = 0; scene < 16; ++scene) {
     SolidField::Solid s = ball(DVec3(0.0), 0.3);
     for (int i = 0; i < 14; ++i) {
       const DVec3 c(place(random), place(random), place(random));
@@ -176,9 +176,11 @@ TEST(Certificate, PiecesAgreeWithLabelledVoxels) {
     const Judge judge(s, 0.04);
     const DigitalTopology expected = digital_topology(*judge.field, kBounds, 0.04);
     const digital::Lattice voxels = digital::sample(*judge.field, kBounds, 0.04);
-    // Where voxels touch only at corners or edges, the answer depends on what one calls connected.
+    // Where voxels touch only at corners or edges, the answer depends on what one calls connected, and on their size.
+    const DigitalTopology finer = digital_topology(*judge.field, kBounds, 0.025);
     if (digital::pieces(voxels, true, false, false) != expected.components ||
-        digital::pieces(voxels, false, true, true) != expected.cavities)
+        digital::pieces(voxels, false, true, true) != expected.cavities || finer.components != expected.components ||
+        finer.handles() != expected.handles())
       continue;
     ++judged;
     int shells = 0, cavities = 0, handles = 0;
