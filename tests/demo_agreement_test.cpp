@@ -50,7 +50,9 @@ TEST_P(DemoAgreement, TrackedMeshAndTracedFieldAreOnePicture) {
   const GeometricMesh& mesh = tracker.geometric();
   const CompareReport report =
       compare(rasterize(mesh.mesh, mesh.normal, camera), raytrace(*frame.field, camera).image, options).report;
-  if (c.one_rim) EXPECT_EQ(report.beyond_rim, 0u);
+  if (c.one_rim) {
+    EXPECT_EQ(report.beyond_rim, 0u);
+  }
   EXPECT_LT(report.depth_inside.p99, options.depth_p99);
   EXPECT_LT(report.normal.mean, 3.0);
   EXPECT_GT(report.depth_inside.pixels, 30000u);
