@@ -308,8 +308,7 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
   grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
 }
 
-/// On grids local re-skins replace about as much with collisions as without, and frames take longer: most of what
-/// collides there has folded, or is thinner than the mesh.
+/// On grids collisions save a fifth of what local re-skins replace and take longer than that saves (perf/results.md).
 bool Tracker::collides(const Field& field) const {
   return options_.topology == Topology::collision ||
          (options_.topology == Topology::automatic && !has_critical_points(field) && field.resolution() == 0.0);

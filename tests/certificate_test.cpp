@@ -177,11 +177,11 @@ TEST(Certificate, PiecesAgreeWithLabelledVoxels) {
     const DigitalTopology expected = digital_topology(*judge.field, kBounds, 0.04);
     const digital::Lattice voxels = digital::sample(*judge.field, kBounds, 0.04);
     // Where voxels touch only at corners or edges, the answer depends on what one calls connected, and on their size.
-    const DigitalTopology finer = digital_topology(*judge.field, kBounds, 0.025);
     if (digital::pieces(voxels, true, false, false) != expected.components ||
-        digital::pieces(voxels, false, true, true) != expected.cavities || finer.components != expected.components ||
-        finer.handles() != expected.handles())
+        digital::pieces(voxels, false, true, true) != expected.cavities)
       continue;
+    const DigitalTopology finer = digital_topology(*judge.field, kBounds, 0.025);
+    if (finer.components != expected.components || finer.handles() != expected.handles()) continue;
     ++judged;
     int shells = 0, cavities = 0, handles = 0;
     for (std::size_t p = 0; p < judge.topology.piece_count(); ++p) {
