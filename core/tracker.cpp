@@ -411,10 +411,14 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
-  // First only where the topology differs, then about all that looks odd.
-  for (const bool replace_all : {false, true, true}) {
+  // First only where the topology differs, then about all that looks odd, then farther about it.
+  struct Try {
+    bool replace_all;
+    double widened;  // the radius about a bad site, in usual ones
+  };
+  for (const Try& t : {Try{false, 1.0}, Try{true, 1.0}, Try{true, 1.5}, Try{true, 2.5}}) {
     if (!started_ || evidence.certificate.passed) break;
-    reskin(frame, evidence, replace_all, report);
+    reskin(frame, evidence, t.replace_all, t.widened, report);
     certify(frame, evidence, report);
   }
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
@@ -441,7 +445,8 @@ void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& 
       isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
 }
 
-void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, FrameReport& report) {
+void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, double widened,
+                     FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
   BadSiteOptions bad_options = options_.sites;
@@ -453,6 +458,7 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool rep
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
   reskin_options.replace_all = replace_all;
+  reskin_options.radius *= widened;
   reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
