@@ -1,6 +1,7 @@
 #include "core/topology/mesh_patch.h"
 
 #include <algorithm>
+#include <set>
 #include <unordered_set>
 
 #include "core/mesh/edit.h"
@@ -158,6 +159,24 @@ bool MeshPatch::closes_fans(const TriangleMesh& mesh, const OpenEdges& open) con
     for (Index h = turn(corner.second); h != corner.second; h = turn(h)) ++met;
     return met == triangles_at[corner.first];
   });
+}
+
+int MeshPatch::euler_change(const TriangleMesh& mesh) const {
+  std::set<Index> used, dropped;
+  for (const auto& triangle : triangles_) used.insert(triangle.begin(), triangle.end());
+  const std::set<Index> gone(removed_.begin(), removed_.end());
+  for (const Index t : gone)
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+      bool stays = used.count(mesh.from(h)) > 0;
+      Index around = h;
+      do {
+        stays |= !gone.count(TriangleMesh::triangle(around));
+        around = mesh.turn(around);
+      } while (around != h && !stays);
+      if (!stays) dropped.insert(mesh.from(h));
+    }
+  const auto fresh = std::distance(used.lower_bound(first_new_), used.end());
+  return int(fresh) - int(dropped.size()) - (int(triangles_.size()) - int(gone.size())) / 2;
 }
 
 bool MeshPatch::fits(const TriangleMesh& mesh) const {

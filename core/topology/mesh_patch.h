@@ -40,6 +40,9 @@ public:
   /// Of the new triangles, world units^2.
   double area(const TriangleMesh& mesh) const;
 
+  /// By how much apply() changes the Euler characteristic of the mesh.
+  int euler_change(const TriangleMesh& mesh) const;
+
   /// False when apply() would be refused.
   bool fits(const TriangleMesh& mesh) const;
   /// Replaces the triangles, links the new ones and drops vertices no longer used; order is kept, new ones come last.
