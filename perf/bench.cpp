@@ -18,8 +18,10 @@
 #include "core/io/scene.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
+#include "perf/median.h"
 
 using namespace isoskin;
+using perf::median;
 
 namespace {
 
@@ -49,12 +51,6 @@ Cost cost_of(Function&& function) {
   const auto begin = Clock::now();
   function();
   return {std::chrono::duration<double, std::milli>(Clock::now() - begin).count(), cpu_ms() - core};
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 /// One column of figures, one entry a frame.

@@ -16,8 +16,10 @@
 #include "core/sampling/marching_cubes.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
+#include "perf/median.h"
 
 using namespace isoskin;
+using perf::median;
 
 namespace {
 
@@ -61,12 +63,6 @@ void advect(std::vector<MaterialPoint>& points, const FieldFrame& from, const Fi
       const DVec3 c = velocity(point.now + 0.5 * dt * b, 0.5), d = velocity(point.now + dt * c, 1.0);
       point.now += dt / 6.0 * (a + 2.0 * b + 2.0 * c + d);
     }
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 /// How far from its seed the mesh says that each point's material came from.

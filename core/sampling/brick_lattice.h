@@ -33,6 +33,9 @@ struct BrickLattice {
   /// Cells whose two loops of crossings are joined by a tunnel, as face_key(cell, 3). Sorted.
   std::vector<std::uint64_t> tunnel;
 
+  /// Where a brick keeps the value of its corner `c` (0..8 on each axis).
+  static int corner_index(const IVec3& c) { return (c.x * kCorners + c.y) * kCorners + c.z; }
+
   std::size_t brick_count() const { return coordinate.size(); }
   /// Brick with this coordinate, or kNone.
   Index find(const IVec3& brick) const;

@@ -40,10 +40,6 @@ DVec3 place(const BrickLattice& lattice, const DVec3& corner) {
   return lattice.origin + lattice.spacing * corner;
 }
 
-int corner_index(const IVec3& local) {
-  return (local.x * kCorners + local.y) * kCorners + local.z;
-}
-
 /// What a corner's value becomes when it changes sides; 0 is outside.
 float changed(float value) {
   return value == 0.0f ? std::numeric_limits<float>::min() : -float(kTiny) * value;
@@ -114,7 +110,7 @@ void find_hidden(const BrickLattice& lattice, const Field& field, std::size_t br
       for (int y = 0; y < kCorners - (axis == 1); ++y)
         for (unsigned bits = edges.row(axis, x, y); bits; bits &= bits - 1) {
           const IVec3 local(x, y, std::countr_zero(bits));
-          const float* at = value + corner_index(local);
+          const float* at = value + BrickLattice::corner_index(local);
           if (!may_dip(at, stride[axis], local[axis] > 0, local[axis] < kCells - 1)) continue;
           const HiddenEdge edge{lattice.coordinate[brick] * kCells + local, axis};
           if (dips(lattice, field, edge, at[0], at[stride[axis]])) out.push_back(edge);
@@ -198,7 +194,7 @@ private:
     const IVec3 brick = corner >> 3;
     const Index b = lattice_.find(brick);
     if (b == kNone) return float(field_.value(lattice_.point(corner)));
-    return lattice_.value[std::size_t(b) * BrickLattice::kValues + corner_index(corner - kCells * brick)];
+    return lattice_.value[std::size_t(b) * BrickLattice::kValues + BrickLattice::corner_index(corner - kCells * brick)];
   }
 
   int patches(const BrickLattice& lattice, const IVec3& cell, const CellValues& v) const {
@@ -264,8 +260,8 @@ std::optional<IVec3> end_to_change(const BrickLattice& lattice, const Field& fie
 
 void change_sides(BrickLattice& lattice, const IVec3& corner) {
   for (const Index b : bricks_about(lattice, corner)) {
-    float& value =
-        lattice.value[std::size_t(b) * BrickLattice::kValues + corner_index(corner - kCells * lattice.coordinate[b])];
+    float& value = lattice.value[std::size_t(b) * BrickLattice::kValues +
+                                 BrickLattice::corner_index(corner - kCells * lattice.coordinate[b])];
     value = changed(value);
   }
 }

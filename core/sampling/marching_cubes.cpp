@@ -23,10 +23,6 @@ constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
 
-int corner_index(const IVec3& c) {
-  return (c.x * kCorners + c.y) * kCorners + c.z;
-}
-
 template <class F>
 void for_bricks(std::size_t count, const F& f) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 16), [&](const auto& range) {
@@ -88,7 +84,8 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
         for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
           const int z = std::countr_zero(cells);
           std::array<float, 8> v;
-          for (int c = 0; c < 8; ++c) v[c] = value[corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
+          for (int c = 0; c < 8; ++c)
+            v[c] = value[BrickLattice::corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
           t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
           const IVec3 cell = lattice.coordinate[b] * kCells + IVec3(x, y, z);
           t.shape[at] = find_shape(lattice, cell, v);
@@ -110,7 +107,7 @@ void place_crossings(const BrickLattice& lattice, LatticeTopology& t) {
         const IVec3 low(word % 8, bit / 8, bit % 8);
         IVec3 high = low;
         ++high[axis];
-        const double p = value[corner_index(low)], q = value[corner_index(high)];
+        const double p = value[BrickLattice::corner_index(low)], q = value[BrickLattice::corner_index(high)];
         DVec3 point(lattice.coordinate[b] * kCells + low);
         point[axis] += crossing_fraction(p, q);
         t.crossing_point[at++] = Vec3(lattice.origin + lattice.spacing * point);

@@ -47,17 +47,13 @@ struct Shared {
   }
 };
 
-int corner_index(int x, int y, int z) {
-  return (x * kCorners + y) * kCorners + z;
-}
-
 /// Does any lattice edge in the shared face or edge of the brick change sign?
 bool crosses(const float* value, const Shared& s) {
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   for (int x = s.low.x; x <= s.high.x; ++x)
     for (int y = s.low.y; y <= s.high.y; ++y)
       for (int z = s.low.z; z <= s.high.z; ++z) {
-        const int i = corner_index(x, y, z);
+        const int i = BrickLattice::corner_index({x, y, z});
         const IVec3 at(x, y, z);
         for (int a = 0; a < 3; ++a)
           if (at[a] < s.high[a] && (value[i] > 0) != (value[i + stride[a]] > 0)) return true;
@@ -108,10 +104,10 @@ void unify_shared_corners(BrickLattice& lattice) {
       for (int x = s.low.x; x <= s.high.x; ++x)
         for (int y = s.low.y; y <= s.high.y; ++y)
           for (int z = s.low.z; z <= s.high.z; ++z) {
-            const int at = corner_index(x, y, z);
+            const int at = BrickLattice::corner_index({x, y, z});
             if (done[at]) continue;
             done[at] = 1;
-            value[at] = theirs[corner_index(x - kCells * offset.x, y - kCells * offset.y, z - kCells * offset.z)];
+            value[at] = theirs[BrickLattice::corner_index(IVec3(x, y, z) - kCells * offset)];
           }
     }
   });

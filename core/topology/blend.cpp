@@ -177,6 +177,7 @@ PlannedPatch plan_blend(const TriangleMesh& mesh, const std::vector<Index>& a, c
   for (const Index t : fans)
     patch.add_triangle(after(mesh.vertex[3 * t]), after(mesh.vertex[3 * t + 1]), after(mesh.vertex[3 * t + 2]));
   if (!patch.fits(mesh)) return {std::nullopt, "the borders cannot be welded without a doubled edge"};
+  if (patch.euler_change(mesh) != -2) return {std::nullopt, "welding would close more than the two discs"};
   return {std::move(patch), {}};
 }
 

@@ -242,13 +242,13 @@ public:
         if (!in.count(TriangleMesh::triangle(mesh_.twin[h]))) return false;
     MeshPatch change(mesh_);
     change.remove(patch.triangles);
-    return accept("vanish", {}, {std::move(change), {}});
+    return accept("vanish", {std::move(change), {}});
   }
 
   bool split(const QuasiCritical& cluster) {
     SplitOptions options = options_.split;
     options.edge_length = options_.edge_length;
-    return accept(cluster.side < 0 ? "split" : "spackle", 2, plan_split(mesh_, cluster, field_, options));
+    return accept(cluster.side < 0 ? "split" : "spackle", plan_split(mesh_, cluster, field_, options));
   }
 
   bool blend(const Patch& a, const Patch& b) {
@@ -258,7 +258,7 @@ public:
     for (int ring = 0; ring < kRings; ++ring) {
       disc_a = with_neighbours(mesh_, disc_a);
       disc_b = with_neighbours(mesh_, disc_b);
-      if (accept(a.side > 0 ? "blend" : "pierce", -2, plan_blend(mesh_, disc_a, disc_b))) return true;
+      if (accept(a.side > 0 ? "blend" : "pierce", plan_blend(mesh_, disc_a, disc_b))) return true;
     }
     return false;
   }
@@ -302,9 +302,8 @@ private:
     return true;
   }
 
-  /// `change`: of the Euler characteristic, where the operation has a given one.
-  bool accept(const char* kind, std::optional<int> change, PlannedPatch planned) {
-    if (!planned.patch || (change && planned.patch->euler_change(mesh_) != *change)) return false;
+  bool accept(const char* kind, PlannedPatch planned) {
+    if (!planned.patch) return false;
     const std::vector<Index> touched = vertices_of(mesh_, planned.patch->removed());
     if (std::any_of(touched.begin(), touched.end(), [&](Index v) { return claimed_.count(v) > 0; })) return false;
     claimed_.insert(touched.begin(), touched.end());

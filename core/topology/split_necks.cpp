@@ -223,7 +223,7 @@ std::optional<MeshPatch> cap_annulus(const TriangleMesh& mesh, const std::vector
   MeshPatch patch(mesh);
   patch.remove(annulus);
   for (const auto& border : borders) cap(mesh, patch, border, outlook[above(border) ? 0 : 1], field, edge_length);
-  if (!patch.fits(mesh)) return std::nullopt;
+  if (!patch.fits(mesh) || patch.euler_change(mesh) != 2) return std::nullopt;
   return patch;
 }
 
@@ -260,7 +260,7 @@ PlannedPatch plan_split(const TriangleMesh& mesh, const QuasiCritical& cluster, 
       if (auto patch = cap_annulus(mesh, erased, outlook, field, e)) return {std::move(patch), {}};
   MeshPatch patch(mesh);
   cut_and_cap(mesh, patch, section, outlook[0].tip, outlook[1].tip);
-  if (!patch.fits(mesh)) return {std::nullopt, "the caps do not fit"};
+  if (!patch.fits(mesh) || patch.euler_change(mesh) != 2) return {std::nullopt, "the caps do not fit"};
   return {std::move(patch), {}};
 }
 
