@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kLeastAngle = 0.5, kMostAngle = 180.0;  // degrees
 constexpr int kMostPasses = 10;
+constexpr double kMostSagitta = 1e30;  // world units
 
 }  // namespace
 
@@ -20,6 +21,9 @@ void add_meshing_options(CLI::App& command, MeshingOptions& options) {
                      "Wanted mechanical edge, world units (default: 1.5 voxels, or 1/60 of the scene's diagonal)");
   command.add_option("--angle", options.angle, "Refine where normals differ by more, degrees (default: 18)");
   command.add_option("--passes", options.passes, "Refinement passes, at most (default: 4)");
+  command.add_option("--sagitta", options.sagitta,
+                     "Refine what lies farther beside the surface, world units, 0: by angle alone (default: 0.04 "
+                     "voxels or 0.003 edge lengths at 18 degrees, else as the angle's square)");
   command.add_option("--mechanics", options.mechanics, "Elements of the skin")
       ->check(CLI::IsMember({"fem", "springs"}))
       ->capture_default_str();
@@ -46,6 +50,10 @@ TrackOptions track_options(const MeshingOptions& given, const SceneMeshing& scen
   if (const auto passes = given.passes ? given.passes : scene.passes) {
     require_range("--passes", *passes, 0, kMostPasses);
     options.refine.passes = *passes;
+  }
+  if (const auto sagitta = given.sagitta ? given.sagitta : scene.sagitta) {
+    require_range("--sagitta", *sagitta, 0.0, kMostSagitta);
+    options.sagitta = *sagitta;
   }
   options.relax.mechanics = given.mechanics == "springs" ? Mechanics::springs : Mechanics::fem;
   options.topology = given.topology == "critical"    ? Topology::critical

@@ -14,7 +14,7 @@ class App;
 namespace isoskin {
 
 struct MeshingOptions {
-  std::optional<double> edge_length, angle;
+  std::optional<double> edge_length, angle, sagitta;
   std::optional<int> passes;
   std::string mechanics = "fem";  // or springs
   std::string topology = "auto";  // or critical, collision

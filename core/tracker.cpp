@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -121,24 +120,11 @@ std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certif
   return failed;
 }
 
-/// Lattice corners farther than the tolerance from the surface on whose side mesh and field differ.
-std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                                double tolerance) {
-  constexpr int kSide = BrickLattice::kCorners;
-  const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
-  std::vector<Vec3> wrong;
-  for (std::size_t i = 0; i < winding.size(); ++i) {
-    const float value = lattice.value[i];
-    if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
-    const int local = int(i % BrickLattice::kValues);
-    const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
-    const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[i / BrickLattice::kValues] + corner);
-    // Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
-    const double estimate = field.distance_estimate(p);
-    const double distance = field.resolution() > 0.0 ? std::min(estimate, std::abs(double(value))) : estimate;
-    if (distance > tolerance) wrong.emplace_back(p);
-  }
-  return wrong;
+/// Seen along the surface what lies beside it looks several times as far off: so much keeps 99 % of depths within 0.25
+/// voxels or 0.02 e at 18 degrees. A chord's sagitta grows with the square of its angle.
+double default_sagitta(double angle, double voxel, double edge_length) {
+  constexpr double kVoxels = 0.04, kEdges = 0.003, kAngle = 18.0;
+  return (voxel > 0.0 ? kVoxels * voxel : kEdges * edge_length) * std::pow(angle / kAngle, 2.0);
 }
 
 }  // namespace
@@ -166,6 +152,7 @@ TrackOptions resolved(TrackOptions options, const Field& first) {
   // A grid has no detail below its voxels; a crease would be split for nothing until the passes run out.
   constexpr double kFinestEdge = 0.6;
   if (options.refine.shortest == 0.0f) options.refine.shortest = float(kFinestEdge * voxel);
+  options.refine.sagitta = float(options.sagitta.value_or(default_sagitta(options.refine.angle, voxel, e)));
   return options;
 }
 
@@ -219,7 +206,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    refine(*frame.field, evidence.lattice);
+    GeometricOptions options{options_.refine, options_.project, options_.edge_length, options_.tolerance};
+    geometric_ = geometric_mesh(mesh_, *frame.field, evidence.lattice, *backend_, options);
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
@@ -512,19 +500,6 @@ void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float
 double Tracker::share_of_area(double part) const {
   const double whole = shape_statistics(mesh_).area;
   return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
-}
-
-/// The mechanical mesh is certified; where refining it put a lattice corner on the wrong side, it is taken back:
-/// nearby, then farther away, at last everywhere.
-void Tracker::refine(const Field& field, const BrickLattice& lattice) {
-  geometric_ = isoskin::refine(mesh_, *backend_, options_.refine, options_.project);
-  constexpr float kEverywhere = std::numeric_limits<float>::infinity();
-  const float e = float(options_.edge_length);
-  for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
-    const std::vector<Vec3> wrong = wrong_corners(geometric_.mesh, field, lattice, options_.tolerance);
-    if (wrong.empty()) break;
-    flatten(geometric_, wrong, radius);
-  }
 }
 
 }  // namespace isoskin

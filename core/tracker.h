@@ -11,7 +11,7 @@
 #include "core/backend.h"
 #include "core/mechanics/alter.h"
 #include "core/mesh/mesh_part.h"
-#include "core/refine/refine.h"
+#include "core/refine/geometric_mesh.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
 #include "core/topology/events.h"
@@ -28,11 +28,13 @@ enum class Topology {
 };
 
 struct TrackOptions {
-  double edge_length = 0.0;      // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
-  double lattice_spacing = 0.0;  // s of the certificate; 0: half a voxel, or e / 2
-  double tolerance = 0.0;        // corners farther than this must be on the right side; 0: one voxel, or e / 2
-  int rounds = 2;                // alter + relax rounds of a frame
-  int most_parts = 8;            // parts a frame is cut in where topology events are too near to each other
+  double edge_length = 0.0;       // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
+  double lattice_spacing = 0.0;   // s of the certificate; 0: half a voxel, or e / 2
+  double tolerance = 0.0;         // corners farther than this must be on the right side; 0: one voxel, or e / 2
+  std::optional<double> sagitta;  // of the geometric mesh, world units, 0: by angle alone; none: 0.04 voxels or
+                                  // 0.003 e at 18 degrees, else as the square of the angle
+  int rounds = 2;                 // alter + relax rounds of a frame
+  int most_parts = 8;             // parts a frame is cut in where topology events are too near to each other
   Topology topology = Topology::automatic;
   bool self_intersections = false;  // count them: 3 to 13 % of a frame
   bool validate = false;            // check the manifold after every frame (always on in debug builds)
@@ -45,7 +47,7 @@ struct TrackOptions {
   std::size_t small_piece = 100;    // failed pieces of at most so many vertices are replaced whole
   int reskin_rounds = 4;            // relax + alter rounds of the new skin after a local repair
   int reskin_rings = 3;             // old vertices so many edges from the new skin settle with it
-  RefineOptions refine;             // alpha_r and N_p of the geometric mesh
+  RefineOptions refine;             // alpha_r and N_p of the geometric mesh; sagitta and shortest are filled in
 };
 
 /// Fills in every length that is 0 from the first frame's field. Throws InputError for an edge length that is NaN,
@@ -135,7 +137,6 @@ private:
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;
-  void refine(const Field& field, const BrickLattice& lattice);
 
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;

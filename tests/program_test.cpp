@@ -142,9 +142,9 @@ TEST_F(Program, absurd_edge_length) {
 }
 
 TEST_F(Program, numbers_out_of_range) {
-  const std::vector<Arguments> bad{{"--angle", "0"},   {"--angle", "nan"}, {"--passes", "-1"},
-                                   {"--passes", "99"}, {"--dt", "0"},      {"--dt", "-inf"},
-                                   {"--smooth", "-2"}, {"--iso", "nan"},   {"--threads", "-3"}};
+  const std::vector<Arguments> bad{{"--angle", "0"},   {"--angle", "nan"}, {"--passes", "-1"}, {"--sagitta", "-1"},
+                                   {"--passes", "99"}, {"--dt", "0"},      {"--dt", "-inf"},   {"--smooth", "-2"},
+                                   {"--iso", "nan"},   {"--threads", "-3"}};
   for (const Arguments& more : bad) {
     SCOPED_TRACE(more[0] + " " + more[1]);
     expect_refused(track(file("balls.toml"), more), {more[0], "expected"});

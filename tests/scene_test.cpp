@@ -179,6 +179,7 @@ iso = 0.25
 edge_length = 0.1
 angle = 18
 passes = 3
+sagitta = 0.002
 sharp = true
 [[element]]
 kind = "segment"
@@ -200,6 +201,7 @@ keys = [ { frame = 5, radius = 1.0 }, { frame = 9, radius = 3.0 } ]
   EXPECT_EQ(scene.meshing.edge_length, 0.1);
   EXPECT_EQ(scene.meshing.angle, 18.0);
   EXPECT_EQ(scene.meshing.passes, 3);
+  EXPECT_EQ(scene.meshing.sagitta, 0.002);
   EXPECT_EQ(scene.meshing.sharp, true);
   const FieldFrame frame = scene.source->load(7);
   EXPECT_EQ(frame.frame, 7);

@@ -229,12 +229,13 @@ SceneMeshing read_meshing(const Reader& reader, const toml::table& root) {
   const toml::node* node = root.get("meshing");
   if (!node) return meshing;
   const toml::table& table = reader.table(*node, "meshing");
-  reader.allow_keys(table, {"edge_length", "angle", "passes", "sharp"});
+  reader.allow_keys(table, {"edge_length", "angle", "passes", "sagitta", "sharp"});
   if (const auto* n = table.get("edge_length")) meshing.edge_length = reader.positive(*n, "edge_length");
   if (const auto* n = table.get("angle")) {
     meshing.angle = reader.positive(*n, "angle");
     if (*meshing.angle >= 180.0) reader.fail(*n, "angle: expected degrees under 180");
   }
+  if (const auto* n = table.get("sagitta")) meshing.sagitta = reader.number(*n, "sagitta");
   if (const auto* n = table.get("passes")) meshing.passes = reader.integer(*n, "passes");
   if (const auto* n = table.get("sharp")) meshing.sharp = reader.boolean(*n, "sharp");
   return meshing;

@@ -15,6 +15,7 @@ struct SceneMeshing {
   std::optional<double> edge_length;  // e, world units
   std::optional<double> angle;        // alpha_r, degrees
   std::optional<int> passes;          // N_p
+  std::optional<double> sagitta;      // of the geometric mesh, world units; 0: by angle alone
   std::optional<bool> sharp;
 };
 
@@ -27,7 +28,7 @@ struct Scene {
 ///   name = "seven"              default: the file's stem
 ///   frames = [1, 200]           default: [1, 1], or all files of a sequence;  dt = 0.04  seconds a frame, default 1/24
 ///   iso = 0.2                   of skeletons; required
-///   [meshing]  edge_length = 0.1  angle = 18  passes = 4  sharp = false
+///   [meshing]  edge_length = 0.1  angle = 18  passes = 4  sagitta = 0.001  sharp = false
 ///   [[element]]  kind = "point" (default) | "segment"
 ///     potential = "metaball" (default) | "inverse_square" | "cauchy" | "blinn" | "wyvill"   norm = 2.0
 ///     position = [x, y, z]  (segment: a = .., b = ..)   radius = 1.0   weight = 1.0

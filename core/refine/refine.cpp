@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 
@@ -12,7 +13,8 @@ namespace isoskin {
 namespace {
 
 constexpr float kMaxTravel = 0.5f;  // a new point farther from its edge's middle than this times the edge stays there
-constexpr float kNoArea = 1e-6f;    // twice the area over the longest edge squared, below which a child is degenerate
+constexpr float kCentroid = 4.0f / 3.0f;  // a sphere's triangle: what its centroid sags by over what its edges do
+constexpr float kNoArea = 1e-6f;  // twice the area over the longest edge squared, below which a child is degenerate
 
 Vec3 unit_outward(const Vec3& gradient) {
   return Vec3(outward_normal(DVec3(gradient)));
@@ -22,6 +24,12 @@ void evaluate_normals(Backend& backend, std::span<const Vec3> points, std::span<
   std::vector<float> values(points.size());
   backend.evaluate(points, values, normals);
   for_each_index(points.size(), [&](std::size_t i) { normals[i] = unit_outward(normals[i]); });
+}
+
+/// How far the middle of an edge lies from the circle through its ends with these unit normals there.
+float sagitta(const Vec3& edge, const Vec3& from_normal, const Vec3& to_normal) {
+  if (from_normal == Vec3(0.0f) || to_normal == Vec3(0.0f)) return 0.0f;
+  return 0.125f * std::abs(glm::dot(to_normal - from_normal, edge));
 }
 
 /// True when two unit normals differ by more than the angle; a zero normal tells nothing.
@@ -37,7 +45,8 @@ public:
       : backend_(backend),
         project_(project),
         cosine_(float(std::cos(double(options.angle) * std::numbers::pi / 180.0))),
-        shortest_(options.shortest) {
+        shortest_(options.shortest),
+        sagitta_(options.sagitta > 0.0f ? options.sagitta : std::numeric_limits<float>::infinity()) {
     out_.mesh = mechanical;
     const std::size_t vertices = mechanical.vertex_count(), triangles = mechanical.triangle_count();
     out_.normal.resize(vertices);
@@ -47,6 +56,7 @@ public:
     out_.parent_edge.resize(vertices);
     for_each_index(vertices, [&](std::size_t v) { out_.parent_edge[v] = {Index(v), Index(v)}; });
     centroid_normal_.resize(triangles);
+    centroid_off_.resize(triangles);
     std::vector<Index> all(triangles);
     std::iota(all.begin(), all.end(), Index{0});
     evaluate_centroids(all);
@@ -76,13 +86,17 @@ private:
   bool canonical(Index h) const { return h < mesh().twin[h]; }
 
   void evaluate_centroids(const std::vector<Index>& triangles) {
-    std::vector<Vec3> points(triangles.size()), normals(triangles.size());
+    std::vector<Vec3> points(triangles.size()), gradients(triangles.size());
+    std::vector<float> values(triangles.size());
     for_each_index(triangles.size(), [&](std::size_t i) {
       const Index* v = &mesh().vertex[3 * std::size_t(triangles[i])];
       points[i] = (position(v[0]) + position(v[1]) + position(v[2])) / 3.0f;
     });
-    evaluate_normals(backend_, points, normals);
-    for_each_index(triangles.size(), [&](std::size_t i) { centroid_normal_[triangles[i]] = normals[i]; });
+    backend_.evaluate(points, values, gradients);
+    for_each_index(triangles.size(), [&](std::size_t i) {
+      centroid_normal_[triangles[i]] = unit_outward(gradients[i]);
+      centroid_off_[triangles[i]] = std::abs(values[i]) > kCentroid * sagitta_ * glm::length(gradients[i]);
+    });
   }
 
   /// Fills middle_ (the new vertex of each halfedge's edge, or kNone) and new_edge_ (one halfedge of each marked edge).
@@ -96,10 +110,12 @@ private:
       const Index h = Index(i), twin = mesh().twin[i];
       if (!canonical(h)) return;
       const Index a = mesh().from(h), b = mesh().to(h);
-      const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) || turns[TriangleMesh::next(h)] ||
-                          turns[TriangleMesh::prev(h)] || turns[TriangleMesh::next(twin)] ||
-                          turns[TriangleMesh::prev(twin)];
-      const float length = glm::length(position(b) - position(a));
+      const Vec3 edge = position(b) - position(a);
+      const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) ||
+                          sagitta(edge, out_.normal[a], out_.normal[b]) > sagitta_ || centroid_off_[h / 3] ||
+                          centroid_off_[twin / 3] || turns[TriangleMesh::next(h)] || turns[TriangleMesh::prev(h)] ||
+                          turns[TriangleMesh::next(twin)] || turns[TriangleMesh::prev(twin)];
+      const float length = glm::length(edge);
       marked[i] = wanted && length >= shortest_ && length > 0.0f;
     });
     new_edge_.clear();
@@ -234,6 +250,7 @@ private:
     const std::size_t children = first[triangles];
     std::vector<Index> vertex(3 * children), twin(3 * children), parent(children);
     std::vector<Vec3> centroid_normal(children);
+    std::vector<std::uint8_t> centroid_off(children);
     // The child halfedge on half `half` of a parent's halfedge.
     const auto part = [&](Index h, int half) { return 3 * first[h / 3] + patterns[h / 3]->part[2 * (h % 3) + half]; };
     for_each_index(triangles, [&](std::size_t t) {
@@ -250,6 +267,7 @@ private:
       for (Index child = first[t]; child < first[t + 1]; ++child) {
         parent[child] = out_.parent_triangle[t];
         centroid_normal[child] = centroid_normal_[t];
+        centroid_off[child] = centroid_off_[t];
       }
     });
     std::vector<Index> fresh;
@@ -261,6 +279,7 @@ private:
     out_.mesh.twin = std::move(twin);
     out_.parent_triangle = std::move(parent);
     centroid_normal_ = std::move(centroid_normal);
+    centroid_off_ = std::move(centroid_off);
     evaluate_centroids(fresh);
   }
 
@@ -287,11 +306,12 @@ private:
 
   Backend& backend_;
   const ProjectOptions project_;
-  const float cosine_, shortest_;
+  const float cosine_, shortest_, sagitta_;
   GeometricMesh out_;
-  std::vector<Vec3> centroid_normal_;  // field normal at each triangle's centroid
-  std::vector<Index> new_edge_;        // this pass: one halfedge of each marked edge, ascending
-  std::vector<Index> middle_;          // this pass: the new vertex on each halfedge's edge, kNone when unmarked
+  std::vector<Vec3> centroid_normal_;       // field normal at each triangle's centroid
+  std::vector<std::uint8_t> centroid_off_;  // whether it lies too far beside the surface
+  std::vector<Index> new_edge_;             // this pass: one halfedge of each marked edge, ascending
+  std::vector<Index> middle_;               // this pass: the new vertex on each halfedge's edge, kNone when unmarked
   std::size_t quasi_critical_ = 0;
 };
 

@@ -12,6 +12,7 @@ namespace isoskin {
 struct RefineOptions {
   float angle = 18.0f;    // alpha_r, degrees: split where normals differ by more
   int passes = 4;         // N_p, at most
+  float sagitta = 0.0f;   // split what lies farther beside the surface, world units; 0: by angle alone
   float shortest = 0.0f;  // no edge shorter than this is split, world units
 };
 
@@ -33,8 +34,12 @@ struct GeometricMesh {
                                                   // itself twice for a mechanical vertex
 };
 
-/// Marks, splits 1-to-2, 1-to-3 (the diagonal that follows lower curvature) and 1-to-4, projects; no T-vertices. A new
-/// point that would fold a triangle over (normal against the field's at all corners) stays on its edge.
+/// Marks edges whose ends' normals differ by more than the angle, or tell (as those of a circle do) that the middle
+/// lies farther beside the surface than the sagitta; the other edges of two neighbours whose centroids' normals differ
+/// by more than the angle; and all edges of a triangle whose centroid lies farther off than those of a sphere's
+/// triangles do with such edges. Splits 1-to-2, 1-to-3 (the diagonal that follows lower curvature) and 1-to-4,
+/// projects; no T-vertices. A new point that would fold a triangle over (normal against the field's at all corners)
+/// stays on its edge.
 GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                      const ProjectOptions& project, RefineReport* report = nullptr);
 
