@@ -7,7 +7,7 @@ set -euo pipefail
 packages=(
   build-essential cmake ninja-build ccache clang-format git pkg-config           # build
   ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd oclgrind                # OpenCL: headers, a CPU device, a checker
-  libtbb-dev libglm-dev libopenvdb-dev libboost-dev libboost-iostreams-dev       # core
+  libtbb-dev libglm-dev libopenvdb-dev libboost-dev libboost-iostreams-dev libqhull-dev   # core
   libtomlplusplus-dev nlohmann-json3-dev libfmt-dev libcli11-dev   # files and command line
   libembree-dev libopenexr-dev openexr libpng-dev                                # reference tracer and images
   libegl-dev libegl1 libepoxy-dev libgl1-mesa-dri                                # headless OpenGL

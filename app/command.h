@@ -15,6 +15,7 @@ enum ExitStatus { kOk = 0, kNo = 1, kBadInput = 2, kInternal = 3, kInterrupted =
 using Action = std::function<int()>;
 
 void add_track(CLI::App& app, Action& action);
+void add_extract(CLI::App& app, Action& action);
 void add_render(CLI::App& app, Action& action);
 void add_compare(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);

@@ -36,6 +36,7 @@ int run(int argc, char** argv) {
       "Exit status: 0 done, 1 compare or check says no, 2 bad input (one line on standard error says what).");
   Action action;
   add_track(app, action);
+  add_extract(app, action);
   add_render(app, action);
   add_compare(app, action);
   add_check(app, action);

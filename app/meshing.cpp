@@ -14,6 +14,9 @@ constexpr double kLeastAngle = 0.5, kMostAngle = 180.0;  // degrees
 constexpr int kMostPasses = 10;
 constexpr double kMostSagitta = 1e30;  // world units
 
+constexpr std::pair<const char*, ExtractMethod> kMethods[] = {{"marching-cubes", ExtractMethod::marching_cubes},
+                                                              {"particles", ExtractMethod::particles}};
+
 }  // namespace
 
 void add_meshing_options(CLI::App& command, MeshingOptions& options) {
@@ -61,6 +64,18 @@ TrackOptions track_options(const MeshingOptions& given, const SceneMeshing& scen
                                                      : Topology::automatic;
   options.relax.sharp = given.sharp || scene.sharp.value_or(false);
   return resolved(options, first);
+}
+
+std::vector<std::string> extract_method_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, method] : kMethods) names.emplace_back(name);
+  return names;
+}
+
+std::optional<ExtractMethod> extract_method(const std::string& name) {
+  for (const auto& [known, method] : kMethods)
+    if (name == known) return method;
+  return std::nullopt;
 }
 
 }  // namespace isoskin

@@ -22,7 +22,7 @@ struct TrackCommand {
   InputOptions input;
   BackendOptions backend;
   MeshingOptions meshing;
-  std::string folder, trace;
+  std::string folder, trace, start;
   std::optional<std::string> frames;
   bool self_intersections = false, validate = false, resume = false, json = false, quiet = false;
   bool no_mechanical = false, no_geometric = false;
@@ -51,6 +51,7 @@ Json deciding_options(const TrackCommand& command, const TrackOptions& options, 
           {"sharp", options.relax.sharp},
           {"mechanics", command.meshing.mechanics},
           {"topology", command.meshing.topology},
+          {"start", command.start},
           {"mechanical", !command.no_mechanical},
           {"geometric", !command.no_geometric},
           {"device", device}};
@@ -72,6 +73,16 @@ void check(const TrackCommand& command) {
 std::optional<Interpolation> grid_interpolation(const InputOptions& input) {
   if (std::filesystem::path(input.input).extension() == ".toml") return std::nullopt;
   return input.interpolation == "linear" ? Interpolation::linear : Interpolation::cubic;
+}
+
+/// The mesh that a run begins with, when it is not the tracker's own: a file's, or one that a method makes.
+std::optional<TriangleMesh> start_mesh(const std::string& start, const std::shared_ptr<const Field>& field,
+                                       Backend& backend, const TrackOptions& options) {
+  if (start.empty()) return std::nullopt;
+  if (const auto method = extract_method(start)) return extract_surface(field, backend, {*method, options}).mesh;
+  PlyMesh file = read_ply(start);
+  if (!file.closed) throw InputError(fmt::format("--start {}: {}; expected a closed mesh", start, file.open_reason));
+  return std::move(file.mesh);
 }
 
 double milliseconds(Clock::time_point since) {
@@ -121,9 +132,12 @@ int run(const TrackCommand& command) {
   options.self_intersections = command.self_intersections;
   cold_start.wait(command.quiet || command.json);
   std::unique_ptr<Backend> backend = make_backend(command.backend, trace::enabled());
+  std::optional<TriangleMesh> start;
+  if (!command.resume) start = start_mesh(command.start, frame.field, *backend, options);
   RunFolder folder(command.folder, scene.source->name(), {!command.no_mechanical, !command.no_geometric},
                    deciding_options(command, options, *scene.source, *frame.field, backend->name()));
   Tracker tracker(std::move(backend), options);
+  if (start) tracker.start(std::move(*start));
 
   std::optional<FieldFrame> following;  // the second frame tells the first how it moves
   int next = first;
@@ -178,6 +192,9 @@ void add_track(CLI::App& app, Action& action) {
   add_backend_options(*command, o->backend);
   command->add_flag("--no-mechanical", o->no_mechanical, "Do not write mechanical meshes");
   command->add_flag("--no-geometric", o->no_geometric, "Do not write geometric meshes");
+  command->add_option("--start", o->start,
+                      "The first frame's mesh: a closed .ply, or how to make one: marching-cubes, particles "
+                      "(default: marching cubes on the fine lattice, coarsened)");
   command->add_flag("--resume", o->resume, "Go on with a run that was stopped");
   command->add_flag("--validate", o->validate, "Check both meshes after every frame");
   command->add_flag("--self-intersections", o->self_intersections,

@@ -90,9 +90,13 @@ public:
   /// `options` must be resolved().
   Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options);
 
-  /// Advances to the next frame; the first one extracts the surface. Throws std::logic_error when options.validate
-  /// finds a fault (a bug of isoskin). `next`, the frame after, gives the first frame's vertices their velocities where
-  /// there is no velocity grid; they are zero without it.
+  /// The first frame begins with `mesh` (closed) instead of an extracted surface: it is fitted to the field as any
+  /// frame is, keeps its ids and rest positions, and pieces that the certificate does not pass are extracted.
+  void start(TriangleMesh mesh) { mesh_ = std::move(mesh); }
+
+  /// Advances to the next frame; the first one extracts the surface, but for what start() gave. Throws std::logic_error
+  /// when options.validate finds a fault (a bug of isoskin). `next`, the frame after, gives the first frame's vertices
+  /// their velocities where there is no velocity grid; they are zero without it.
   FrameReport advance(const FieldFrame& frame, const FieldFrame* next = nullptr);
 
   /// Goes on from the mechanical mesh, field and critical_points() of the frame before (--resume): all state a frame
