@@ -62,7 +62,9 @@ void add_extract(CLI::App& app, Action& action) {
   const auto o = std::make_shared<ExtractCommand>();
   command->add_option("input", o->input.input, "A .vdb file, a sequence (see `track`) or a scene.toml")->required();
   command->add_option("-o,--output", o->output, "The .ply to write")->required();
-  command->add_option("--method", o->method, "Marching cubes, or particles joined by Delaunay triangles")
+  command
+      ->add_option("--method", o->method,
+                   "Marching cubes, particles joined by Delaunay triangles, or tetrahedra on springs")
       ->check(CLI::IsMember(extract_method_names()))
       ->capture_default_str();
   command->add_option("--frame", o->frame, "Frame to mesh (default: the first)");

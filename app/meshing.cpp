@@ -15,7 +15,8 @@ constexpr int kMostPasses = 10;
 constexpr double kMostSagitta = 1e30;  // world units
 
 constexpr std::pair<const char*, ExtractMethod> kMethods[] = {{"marching-cubes", ExtractMethod::marching_cubes},
-                                                              {"particles", ExtractMethod::particles}};
+                                                              {"particles", ExtractMethod::particles},
+                                                              {"spring-lattice", ExtractMethod::spring_lattice}};
 
 }  // namespace
 

@@ -193,7 +193,8 @@ void add_track(CLI::App& app, Action& action) {
   command->add_flag("--no-mechanical", o->no_mechanical, "Do not write mechanical meshes");
   command->add_flag("--no-geometric", o->no_geometric, "Do not write geometric meshes");
   command->add_option("--start", o->start,
-                      "The first frame's mesh: a closed .ply, or how to make one: marching-cubes, particles "
+                      "The first frame's mesh: a closed .ply, or how to make one: marching-cubes, particles, "
+                      "spring-lattice "
                       "(default: marching cubes on the fine lattice, coarsened)");
   command->add_flag("--resume", o->resume, "Go on with a run that was stopped");
   command->add_flag("--validate", o->validate, "Check both meshes after every frame");

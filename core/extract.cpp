@@ -37,6 +37,15 @@ void by_particles(const Ground& ground, std::uint64_t seed, Extraction& made) {
                            report.fall.arrived, report.starts, report.fall.steps, report.spread, report.inserted);
 }
 
+void by_spring_lattice(const Ground& ground, Extraction& made) {
+  SpringMeshOptions options;
+  options.edge_length = ground.track.edge_length;
+  SpringLatticeReport report;
+  made.mesh = spring_lattice_mesh(ground.field, ground.backend, options, &report);
+  made.story = fmt::format("lattice of {:.4g}, {} steps, the last of {:.3f} spacings, {} moves refused",
+                           options.spacing * options.edge_length, report.steps, report.last_move, report.refused);
+}
+
 }  // namespace
 
 Extraction extract_surface(const std::shared_ptr<const Field>& field, Backend& backend, const ExtractOptions& options) {
@@ -50,6 +59,9 @@ Extraction extract_surface(const std::shared_ptr<const Field>& field, Backend& b
       break;
     case ExtractMethod::particles:
       by_particles(ground, options.seed, made);
+      break;
+    case ExtractMethod::spring_lattice:
+      by_spring_lattice(ground, made);
       break;
   }
   CertifyOptions certificate;

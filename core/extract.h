@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "core/lattice_springs/spring_lattice.h"
 #include "core/particles/particle_mesh.h"
 #include "core/tracker.h"
 
@@ -11,6 +12,7 @@ namespace isoskin {
 enum class ExtractMethod {
   marching_cubes,  // of a lattice of spacing e, topology as the lattice says; vertices projected
   particles,       // particle_mesh()
+  spring_lattice,  // spring_lattice_mesh()
 };
 
 struct ExtractOptions {

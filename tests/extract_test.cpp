@@ -27,7 +27,7 @@ protected:
 };
 
 TEST_F(Extract, EveryMethodWritesACertifiedClosedMeshOfTwoBalls) {
-  for (const std::string method : {"marching-cubes", "particles"}) {
+  for (const std::string method : {"marching-cubes", "particles", "spring-lattice"}) {
     SCOPED_TRACE(method);
     const Ran ran = extract(method, method + ".ply");
     EXPECT_EQ(ran.status, 0) << ran.err;
