@@ -283,14 +283,14 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
   for (Index& age : mesh_.vertices.age) ++age;
   std::vector<Ball> split;
   for (int round = 0;; ++round) {
+    const bool may_collide = round < kRounds && started_ && collides(*frame.field);
     VertexTable before;
     {
       Step step(report, "predict");
-      before = mesh_.vertices;
+      if (may_collide) before = mesh_.vertices;
       predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project);
     }
-    if (round == kRounds || !started_ || !collides(*frame.field) || !collide(frame, evidence, before, split, report))
-      break;
+    if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
   Step step(report, "predict");
   grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
@@ -498,7 +498,12 @@ void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float
 }
 
 double Tracker::share_of_area(double part) const {
-  const double whole = shape_statistics(mesh_).area;
+  double whole = 0.0;
+  for (Index h = 0; h < mesh_.vertex.size(); h += 3) {
+    const Vec3 &a = mesh_.position(mesh_.vertex[h]), &b = mesh_.position(mesh_.vertex[h + 1]),
+               &c = mesh_.position(mesh_.vertex[h + 2]);
+    whole += 0.5 * double(glm::length(glm::cross(b - a, c - a)));
+  }
   return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
 }
 

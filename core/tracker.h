@@ -39,15 +39,17 @@ struct TrackOptions {
   bool self_intersections = false;  // count them: 3 to 13 % of a frame
   bool validate = false;            // check the manifold after every frame (always on in debug builds)
   AlterOptions alter;               // edge_length and dt are filled in by resolved() and advance()
-  RelaxOptions relax;               // edge_length is filled in
-  ProjectOptions project;           // tolerance and max_step are filled in: 1e-4 e and e / 2
-  SettleOptions settle;             // how a freshly extracted surface becomes near-equilateral
-  BadSiteOptions sites;             // where local repairs are made; tolerance is filled in
-  ReskinOptions reskin;             // local repair; edge_length and alter are filled in
-  std::size_t small_piece = 100;    // failed pieces of at most so many vertices are replaced whole
-  int reskin_rounds = 4;            // relax + alter rounds of the new skin after a local repair
-  int reskin_rings = 3;             // old vertices so many edges from the new skin settle with it
-  RefineOptions refine;             // alpha_r and N_p of the geometric mesh; sagitta and shortest are filled in
+  // edge_length is filled in. A skin that follows a surface is never far from rest: more steps and iterations change no
+  // angle by more than half a degree.
+  RelaxOptions relax{.steps = 1, .cg_iterations = 8, .cg_tolerance = 0.1f};
+  ProjectOptions project;         // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;           // how a freshly extracted surface becomes near-equilateral
+  BadSiteOptions sites;           // where local repairs are made; tolerance is filled in
+  ReskinOptions reskin;           // local repair; edge_length and alter are filled in
+  std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
+  int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
+  int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
+  RefineOptions refine;           // alpha_r and N_p of the geometric mesh; sagitta and shortest are filled in
 };
 
 /// Fills in every length that is 0 from the first frame's field. Throws InputError for an edge length that is NaN,

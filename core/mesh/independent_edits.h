@@ -13,14 +13,12 @@
 
 namespace isoskin {
 
-/// The i < n with keep(i), ascending. Parallel; keep is called once for each i.
-template <class Keep>
-std::vector<Index> indices_where(std::size_t n, const Keep& keep) {
-  constexpr std::size_t kBlock = 4096;
-  std::vector<std::vector<Index>> found((n + kBlock - 1) / kBlock);
+/// What visit(i, list) adds to its list, for i = 0 .. n - 1 in order. Parallel; visited once each, `block` at a time.
+template <class Visit>
+std::vector<Index> collect(std::size_t n, std::size_t block, const Visit& visit) {
+  std::vector<std::vector<Index>> found((n + block - 1) / block);
   tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t b) {
-    for (std::size_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i)
-      if (keep(Index(i))) found[b].push_back(Index(i));
+    for (std::size_t i = b * block; i < std::min(n, (b + 1) * block); ++i) visit(Index(i), found[b]);
   });
   std::vector<std::size_t> first(found.size() + 1, 0);
   for (std::size_t b = 0; b < found.size(); ++b) first[b + 1] = first[b] + found[b].size();
@@ -29,6 +27,15 @@ std::vector<Index> indices_where(std::size_t n, const Keep& keep) {
     std::copy(found[b].begin(), found[b].end(), out.begin() + std::ptrdiff_t(first[b]));
   });
   return out;
+}
+
+/// The i < n with keep(i), ascending. Parallel; keep is called once for each i.
+template <class Keep>
+std::vector<Index> indices_where(std::size_t n, const Keep& keep) {
+  constexpr std::size_t kBlock = 4096;
+  return collect(n, kBlock, [&](Index i, std::vector<Index>& list) {
+    if (keep(i)) list.push_back(i);
+  });
 }
 
 /// Halfedges as bits: many threads add, then they come out ascending. Costs little when few are in.
@@ -42,14 +49,14 @@ public:
 
   template <class Keep>
   std::vector<Index> where(const Keep& keep) const {
+    constexpr std::size_t kBlock = 64;
     const std::vector<Index> words = indices_where(bits_.size(), [&](Index w) { return bits_[w] != 0; });
-    const auto halfedge = [&](Index slot) { return 64 * words[slot / 64] + slot % 64; };
-    std::vector<Index> out = indices_where(64 * words.size(), [&](Index slot) {
-      const Index h = halfedge(slot);
-      return (bits_[h / 64] >> h % 64 & 1) != 0 && keep(h);
+    return collect(words.size(), kBlock, [&](Index i, std::vector<Index>& list) {
+      for (std::uint64_t bits = bits_[words[i]]; bits != 0; bits &= bits - 1) {
+        const Index h = 64 * words[i] + Index(std::countr_zero(bits));
+        if (keep(h)) list.push_back(h);
+      }
     });
-    for_each_index(out.size(), [&](std::size_t i) { out[i] = halfedge(out[i]); });
-    return out;
   }
 
 private:

@@ -2,13 +2,19 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 
 #include "core/parallel.h"
 
 namespace isoskin {
 
-bool is_small_piece(const TriangleMesh& mesh, Index h) {
-  std::array<Index, kSmallPiece> piece{TriangleMesh::triangle(h)};
+namespace {
+
+using SomeTriangles = std::array<Index, kSmallPiece>;
+
+/// Fills `piece` with connected triangles, the given one first; false when there are more than it holds.
+bool gather_piece(const TriangleMesh& mesh, Index triangle, SomeTriangles& piece) {
+  piece[0] = triangle;
   auto end = piece.begin() + 1;
   for (auto at = piece.begin(); at != end; ++at)
     for (Index k = 3 * *at; k < 3 * *at + 3; ++k) {
@@ -20,9 +26,23 @@ bool is_small_piece(const TriangleMesh& mesh, Index h) {
   return true;
 }
 
+}  // namespace
+
+bool is_small_piece(const TriangleMesh& mesh, Index h) {
+  SomeTriangles piece;
+  return gather_piece(mesh, TriangleMesh::triangle(h), piece);
+}
+
 std::vector<Index> small_piece_vertices(const TriangleMesh& mesh) {
-  std::vector<std::uint8_t> small(mesh.triangle_count());
-  for_each_index(small.size(), [&](std::size_t t) { small[t] = is_small_piece(mesh, Index(3 * t)); });
+  std::vector<std::uint8_t> small(mesh.triangle_count()), large(mesh.triangle_count(), 0);
+  for_each_index(small.size(), [&](std::size_t t) {
+    // What one search finds to be large need not be searched from; whoever comes too early only searches in vain.
+    if (std::atomic_ref(large[t]).load(std::memory_order_relaxed)) return;
+    SomeTriangles piece;
+    small[t] = gather_piece(mesh, Index(t), piece);
+    if (small[t]) return;
+    for (const Index other : piece) std::atomic_ref(large[other]).store(1, std::memory_order_relaxed);
+  });
   std::vector<Index> vertices;
   for (std::size_t t = 0; t < small.size(); ++t)
     if (small[t]) vertices.insert(vertices.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});

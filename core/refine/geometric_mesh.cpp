@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/parallel.h"
 #include "core/topology/columns.h"
 
 namespace isoskin {
@@ -14,18 +15,21 @@ std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, co
                                 double tolerance) {
   constexpr int kSide = BrickLattice::kCorners;
   const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
+  std::vector<std::vector<Vec3>> of_brick(lattice.brick_count());
+  for_each_index(of_brick.size(), [&](std::size_t b) {
+    for (std::size_t i = b * BrickLattice::kValues; i < (b + 1) * BrickLattice::kValues; ++i) {
+      const float value = lattice.value[i];
+      if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
+      const int local = int(i % BrickLattice::kValues);
+      const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
+      // Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
+      if (field.resolution() > 0.0 && std::abs(double(value)) <= tolerance) continue;
+      const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[b] + corner);
+      if (field.distance_estimate(p) > tolerance) of_brick[b].emplace_back(p);
+    }
+  });
   std::vector<Vec3> wrong;
-  for (std::size_t i = 0; i < winding.size(); ++i) {
-    const float value = lattice.value[i];
-    if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
-    const int local = int(i % BrickLattice::kValues);
-    const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
-    const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[i / BrickLattice::kValues] + corner);
-    // Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
-    const double estimate = field.distance_estimate(p);
-    const double distance = field.resolution() > 0.0 ? std::min(estimate, std::abs(double(value))) : estimate;
-    if (distance > tolerance) wrong.emplace_back(p);
-  }
+  for (const auto& list : of_brick) wrong.insert(wrong.end(), list.begin(), list.end());
   return wrong;
 }
 

@@ -22,6 +22,7 @@ constexpr int kCorners = BrickLattice::kCorners;
 void add_faces(const BrickLattice& lattice, std::size_t brick, std::vector<CrosswiseFace>& out) {
   const float* value = &lattice.value[brick * BrickLattice::kValues];
   const BrickSigns signs(value);
+  if (!signs.mixed()) return;
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   for (int axis = 0; axis < 3; ++axis)
     for (int x = 0; x < (axis == 0 ? kCorners : kCells); ++x)
@@ -199,10 +200,13 @@ void resolve_tunnels(BrickLattice& lattice, const Field& field) {
   tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
     const float* value = &lattice.value[b * BrickLattice::kValues];
     const BrickSigns signs(value);
+    if (!signs.mixed()) return;
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)
         for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
           const IVec3 at(x, y, std::countr_zero(cells));
+          const unsigned of_cell = signs.cell_signs(x, y, at.z);
+          if (ambiguous_faces(of_cell) == 0 && shape(plain_shape(of_cell)).loops != 2) continue;
           std::array<float, 8> v;
           for (int c = 0; c < 8; ++c)
             v[c] = value[((x + (c & 1)) * kCorners + y + (c >> 1 & 1)) * kCorners + at.z + (c >> 2)];

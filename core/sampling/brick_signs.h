@@ -11,8 +11,9 @@ namespace isoskin {
 /// Nine bits a row along z: bit z of at(x, y) is set when corner (x, y, z) is inside.
 struct BrickSigns {
   static constexpr int kCorners = BrickLattice::kCorners;
-  std::array<std::uint16_t, kCorners * kCorners> row;
+  std::array<std::uint16_t, kCorners * kCorners> row{};
 
+  BrickSigns() = default;
   /// From the brick's 729 values.
   explicit BrickSigns(const float* value) {
     for (int r = 0; r < kCorners * kCorners; ++r) {
@@ -22,6 +23,22 @@ struct BrickSigns {
     }
   }
   unsigned at(int x, int y) const { return row[x * kCorners + y]; }
+
+  /// Are there corners of both signs?
+  bool mixed() const {
+    unsigned any = 0, all = 0x1ff;
+    for (const unsigned r : row) any |= r, all &= r;
+    return any != 0 && all != 0x1ff;
+  }
+
+  /// Bit c set where corner (c & 1, c >> 1 & 1, c >> 2 & 1) of the cell is inside.
+  unsigned cell_signs(int x, int y, int z) const {
+    const unsigned a = at(x, y) >> z & 3, b = at(x + 1, y) >> z & 3, c = at(x, y + 1) >> z & 3,
+                   d = at(x + 1, y + 1) >> z & 3;
+    const unsigned low = (a & 1) | (b & 1) << 1 | (c & 1) << 2 | (d & 1) << 3;
+    const unsigned high = a >> 1 | (b >> 1) << 1 | (c >> 1) << 2 | (d >> 1) << 3;
+    return low | high << 4;
+  }
 
   /// Bit z set where cell (x, y, z) has corners of both signs.
   unsigned surface_cells(int x, int y) const {

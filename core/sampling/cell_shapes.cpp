@@ -162,16 +162,16 @@ bool positive_joined(const Face& f, const std::array<float, 8>& v) {
 
 }  // namespace
 
-CellEdge cell_edge(int edge) {
-  CellEdge e{};
-  e.axis = static_cast<std::uint8_t>(edge / 4);
-  e.low[(e.axis + 1) % 3] = edge & 1;
-  e.low[(e.axis + 2) % 3] = edge >> 1 & 1;
-  return e;
+unsigned ambiguous_faces(const std::array<float, 8>& v) {
+  return ambiguous_faces(signs_of(v));
 }
 
-unsigned ambiguous_faces(const std::array<float, 8>& v) {
-  return table().ambiguous[signs_of(v)];
+unsigned ambiguous_faces(unsigned signs) {
+  return table().ambiguous[signs];
+}
+
+std::uint16_t plain_shape(unsigned signs) {
+  return table().first[signs];
 }
 
 std::uint16_t find_shape(const std::array<float, 8>& v, unsigned decided, unsigned joined) {

@@ -13,7 +13,22 @@ struct CellEdge {
   std::uint8_t axis;
   std::array<std::uint8_t, 3> low;  // its end with the smaller coordinate
 };
-CellEdge cell_edge(int edge);
+namespace detail {
+constexpr std::array<CellEdge, 12> make_cell_edges() {
+  std::array<CellEdge, 12> edges{};
+  for (int edge = 0; edge < 12; ++edge) {
+    CellEdge& e = edges[edge];
+    e.axis = static_cast<std::uint8_t>(edge / 4);
+    e.low[(e.axis + 1) % 3] = edge & 1;
+    e.low[(e.axis + 2) % 3] = edge >> 1 & 1;
+  }
+  return edges;
+}
+inline constexpr std::array<CellEdge, 12> kCellEdges = make_cell_edges();
+}  // namespace detail
+inline const CellEdge& cell_edge(int edge) {
+  return detail::kCellEdges[edge];
+}
 
 /// Up to four loops; loop l is edge[first[l] .. first[l+1]), counter-clockwise seen from outside (values <= 0).
 struct CellShape {
@@ -38,6 +53,10 @@ struct CellShape {
 std::uint16_t find_shape(const std::array<float, 8>& v, unsigned decided = 0, unsigned joined = 0);
 /// Bits 2 * axis + side of the faces with two crossing diagonals.
 unsigned ambiguous_faces(const std::array<float, 8>& v);
+/// The same by signs: bit c set where corner c is inside.
+unsigned ambiguous_faces(unsigned signs);
+/// The shape of a cell without such faces, which its signs tell.
+std::uint16_t plain_shape(unsigned signs);
 const CellShape& shape(std::uint16_t index);
 
 }  // namespace isoskin

@@ -47,16 +47,20 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
     const BrickSigns signs(&lattice.value[b * kValues]);
+    if (!signs.mixed()) return;
     BrickCrossings& c = t.crossings[b];
     Index cells = 0;
-    for (int x = 0; x < kCells; ++x)
+    for (int x = 0; x < kCells; ++x) {
+      std::uint64_t surface = 0;
       for (int y = 0; y < kCells; ++y) {
-        cells += std::popcount(signs.surface_cells(x, y));
+        surface |= std::uint64_t{signs.surface_cells(x, y)} << 8 * y;
         const unsigned r = signs.at(x, y);
         c.mask[x] |= std::uint64_t{(r ^ signs.at(x + 1, y)) & 0xff} << 8 * y;
         c.mask[8 + x] |= std::uint64_t{(r ^ signs.at(x, y + 1)) & 0xff} << 8 * y;
         c.mask[16 + x] |= std::uint64_t{(r ^ r >> 1) & 0xff} << 8 * y;
       }
+      cells += static_cast<Index>(std::popcount(surface));
+    }
     t.first_cell[b] = cells;
     for (int w = 1; w < 24; ++w)
       c.before[w] = static_cast<std::uint16_t>(c.before[w - 1] + std::popcount(c.mask[w - 1]));
@@ -83,12 +87,17 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
       for (int y = 0; y < kCells; ++y)
         for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
           const int z = std::countr_zero(cells);
-          std::array<float, 8> v;
-          for (int c = 0; c < 8; ++c)
-            v[c] = value[BrickLattice::corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
-          t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
+          const unsigned of_cell = signs.cell_signs(x, y, z);
           const IVec3 cell = lattice.coordinate[b] * kCells + IVec3(x, y, z);
-          t.shape[at] = find_shape(lattice, cell, v);
+          t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
+          if (ambiguous_faces(of_cell) == 0) {
+            t.shape[at] = plain_shape(of_cell);
+          } else {
+            std::array<float, 8> v;
+            for (int c = 0; c < 8; ++c)
+              v[c] = value[BrickLattice::corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
+            t.shape[at] = find_shape(lattice, cell, v);
+          }
           t.tunnel[at] = shape(t.shape[at]).loops == 2 && lattice.has_tunnel(cell);
           t.first_patch[at] = shape(t.shape[at]).loops;
           ++at;
@@ -279,7 +288,11 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
   for_bricks(bricks, [&](std::size_t b) {
     std::size_t corner = std::size_t{first_triangle[b]} * 3;
     Index centre = crossings + first_centre[b];
+    if (first_triangle[b] == first_triangle[b + 1]) return;
     for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
+      bool wanted = false;
+      for (Index patch = t.first_patch[at]; patch < t.first_patch[at + 1]; ++patch) wanted |= is_wanted(b, patch);
+      if (!wanted) continue;
       const std::array<Index, 12> crossing = cell_crossings(lattice, t, static_cast<Index>(b), at);
       const CellSurface surface = surface_in_cell(t, at, crossing);
       std::array<Index, 4> extra{};

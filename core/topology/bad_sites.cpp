@@ -1,6 +1,7 @@
 #include "core/topology/bad_sites.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include <tbb/parallel_for.h>
@@ -80,13 +81,6 @@ std::vector<Corner> differing_corners(const BrickLattice& lattice, const std::ve
   return corners;
 }
 
-Index find_corner(const std::vector<Corner>& corners, const IVec3& at) {
-  const std::uint64_t key = key_of(at);
-  const auto it =
-      std::lower_bound(corners.begin(), corners.end(), key, [](const Corner& c, std::uint64_t k) { return c.key < k; });
-  return it != corners.end() && it->key == key ? Index(it - corners.begin()) : kNone;
-}
-
 Index root_of(std::vector<Index>& parent, Index i) {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];
   return i;
@@ -96,14 +90,21 @@ Index root_of(std::vector<Index>& parent, Index i) {
 std::vector<Index> clusters_of(const std::vector<Corner>& corners) {
   std::vector<Index> parent(corners.size());
   std::iota(parent.begin(), parent.end(), Index(0));
-  for (Index i = 0; i < corners.size(); ++i)
-    for (int n = 0; n < 13; ++n) {  // the 13 neighbours that sort before
-      const IVec3 d(n / 9 - 1, (n / 3) % 3 - 1, n % 3 - 1);
-      const Index j = find_corner(corners, corners[i].at + d);
-      if (j == kNone) continue;
-      const Index a = root_of(parent, i), b = root_of(parent, j);
-      parent[std::max(a, b)] = std::min(a, b);
+  const auto join = [&](Index i, Index j) {
+    const Index a = root_of(parent, i), b = root_of(parent, j);
+    parent[std::max(a, b)] = std::min(a, b);
+  };
+  // The 13 neighbours that sort before lie in four lattice columns and just below; one walker follows in each column.
+  constexpr std::array<IVec3, 4> kColumn{IVec3(-1, -1, 0), IVec3(-1, 0, 0), IVec3(-1, 1, 0), IVec3(0, -1, 0)};
+  std::array<Index, kColumn.size()> walker{};
+  for (Index i = 0; i < corners.size(); ++i) {
+    if (i > 0 && corners[i - 1].key + 1 == corners[i].key) join(i, i - 1);
+    for (std::size_t n = 0; n < kColumn.size(); ++n) {
+      const std::uint64_t middle = key_of(corners[i].at + kColumn[n]);
+      while (corners[walker[n]].key + 1 < middle) ++walker[n];
+      for (Index j = walker[n]; corners[j].key <= middle + 1; ++j) join(i, j);
     }
+  }
   for (Index i = 0; i < corners.size(); ++i) parent[i] = root_of(parent, i);
   return parent;
 }
@@ -212,12 +213,14 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
   std::vector<Vec3> points;
   for (const Corner& c : corners) points.push_back(Vec3(lattice.point(c.at)));
   const Samples samples(points, backend);
+  std::vector<double> distance(corners.size());
+  for_each_index(distance.size(), [&](std::size_t i) { distance[i] = samples.distance(i); });
 
   // Clusters as runs, corners nearest to the surface first: they are the ones a coarse mesh cuts.
   std::vector<Index> order(corners.size());
   std::iota(order.begin(), order.end(), Index(0));
   std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : samples.distance(a) < samples.distance(b);
+    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : distance[a] < distance[b];
   });
   std::vector<std::pair<std::size_t, std::size_t>> runs;
   for (std::size_t i = 0, j; i < order.size(); i = j) {
@@ -236,7 +239,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
       const Index c = order[i];
       const std::int8_t times = winding[corners[c].slot];
       sure[c] = far.is_far(samples.value[c], samples.slope[c]);
-      bad[c] |= sure[c] || times < 0 || times > 1 || samples.distance(c) > options.tolerance;
+      bad[c] |= sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }
   });
   for (const Index c : order)

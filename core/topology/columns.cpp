@@ -109,6 +109,11 @@ void cross_triangle(const TriangleMesh& mesh, const std::vector<Rounded>& vertex
     }
 }
 
+/// Sorts by row, then by first.
+std::int64_t place_in_column(const ColumnCrossing& c) {
+  return (std::int64_t{c.row} << 33) + c.first;
+}
+
 /// Brick columns: those of the lattice, in order, then the others in which crossings were found.
 BrickLattice list_columns(const BrickLattice& lattice, const std::vector<std::vector<Found>>& found, MeshColumns& out) {
   for (std::size_t b = 0; b < lattice.brick_count(); ++b) {
@@ -170,7 +175,8 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice)
   tbb::parallel_for(std::size_t{0}, out.column.size(), [&](std::size_t c) {
     std::sort(out.crossing.begin() + out.first[c], out.crossing.begin() + out.first[c + 1],
               [](const ColumnCrossing& a, const ColumnCrossing& b) {
-                return std::tie(a.row, a.first, a.triangle) < std::tie(b.row, b.first, b.triangle);
+                const std::int64_t at_a = place_in_column(a), at_b = place_in_column(b);
+                return at_a != at_b ? at_a < at_b : a.triangle < b.triangle;
               });
   });
   return out;
@@ -183,16 +189,23 @@ std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLa
     Index next = columns.first[c];
     for (int row = 0; row < kCorners * kCorners; ++row) {
       int winding = 0;
-      for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b)
+      for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b) {
+        std::int8_t* const side = &out[std::size_t{b} * BrickLattice::kValues + row * kCorners];
+        const int low = lattice.coordinate[b].z * kCells;
+        if (next == columns.first[c + 1] || columns.crossing[next].row != row ||
+            columns.crossing[next].first > low + kCells) {
+          std::fill_n(side, kCorners, static_cast<std::int8_t>(std::clamp(winding, -128, 127)));
+          continue;
+        }
         for (int z = 0; z < kCorners; ++z) {
-          const int corner = lattice.coordinate[b].z * kCells + z;
+          const int corner = low + z;
           for (; next < columns.first[c + 1] && columns.crossing[next].row == row &&
                  columns.crossing[next].first <= corner;
                ++next)
             winding += columns.crossing[next].step;
-          out[std::size_t{b} * BrickLattice::kValues + row * kCorners + z] =
-              static_cast<std::int8_t>(std::clamp(winding, -128, 127));
+          side[z] = static_cast<std::int8_t>(std::clamp(winding, -128, 127));
         }
+      }
       while (next < columns.first[c + 1] && columns.crossing[next].row == row) ++next;
     }
   });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -10,6 +11,8 @@
 #include <tbb/parallel_for.h>
 
 #include "core/field/grid_field.h"
+#include "core/parallel.h"
+#include "core/sampling/brick_signs.h"
 #include "core/topology/columns.h"
 
 namespace isoskin {
@@ -31,17 +34,21 @@ double median_slope(const BrickLattice& lattice) {
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   const std::size_t every = 1 + lattice.brick_count() / kSlopeBricks;
   std::vector<double> slopes;
-  for (std::size_t b = 0; b < lattice.brick_count(); b += every)
-    for (int i = 0; i < kCells * kCells * kCells; ++i) {
-      const float* p = &lattice.value[b * kValues + ((i >> 6) * kCorners + (i >> 3 & 7)) * kCorners + (i & 7)];
-      double squared = 0.0;
-      bool crosses = false;
-      for (const int s : stride) {
-        crosses |= (p[0] > 0) != (p[s] > 0);
-        squared += (static_cast<double>(p[s]) - p[0]) * (static_cast<double>(p[s]) - p[0]);
+  for (std::size_t b = 0; b < lattice.brick_count(); b += every) {
+    const BrickSigns signs(&lattice.value[b * kValues]);
+    if (!signs.mixed()) continue;
+    for (int x = 0; x < kCells; ++x)
+      for (int y = 0; y < kCells; ++y) {
+        const unsigned r = signs.at(x, y);
+        unsigned crossing = ((r ^ signs.at(x + 1, y)) | (r ^ signs.at(x, y + 1)) | (r ^ r >> 1)) & 0xffu;
+        for (; crossing; crossing &= crossing - 1) {
+          const float* p = &lattice.value[b * kValues + (x * kCorners + y) * kCorners + std::countr_zero(crossing)];
+          double squared = 0.0;
+          for (const int s : stride) squared += (static_cast<double>(p[s]) - p[0]) * (static_cast<double>(p[s]) - p[0]);
+          slopes.push_back(std::sqrt(squared));
+        }
       }
-      if (crosses) slopes.push_back(std::sqrt(squared));
-    }
+  }
   if (slopes.empty()) return 0.0;
   std::nth_element(slopes.begin(), slopes.begin() + slopes.size() / 2, slopes.end());
   return slopes[slopes.size() / 2] / lattice.spacing;
@@ -56,6 +63,7 @@ struct Walk {
   const LatticeTopology& topology;
   const MeshColumns& columns;
   const FarCorners far;
+  const std::vector<BrickSigns>& signs;
   SideReport& report;
   std::atomic<std::size_t> checked{0}, wrong{0};
 };
@@ -74,6 +82,12 @@ public:
     if (mismatch_ == 0 || !walk_.far(value, x(), y(), z)) return;
     far_ = true;
     if (owned()) ++wrong;
+  }
+
+  /// Nothing happens in the brick: neither mesh nor field changes sides, and they agree.
+  bool passes(int low, unsigned inside) const {
+    if (mismatch_ != 0 || inside != (inside_ ? 0x1ffu : 0u)) return false;
+    return next_ >= end_ || crossing(next_).first > low + kCells;
   }
 
   /// Corners up to `last` that no brick covers: F keeps its sign.
@@ -167,6 +181,7 @@ void walk_column(Walk& walk, std::size_t c) {
           column.gap_goes_on((walk.lattice.coordinate[b - 1].z + 1) * kCells + 1, low - 1);
         column.gap(low - 1);
       }
+      if (column.passes(low, walk.signs[b].row[row])) continue;
       for (int z = adjoins ? 1 : 0; z < kCorners; ++z) column.corner(b, z);
     }
     column.gap(kTop);
@@ -176,13 +191,17 @@ void walk_column(Walk& walk, std::size_t c) {
   walk.wrong.fetch_add(wrong, std::memory_order_relaxed);
 }
 
+std::vector<BrickSigns> brick_signs(const BrickLattice& lattice) {
+  std::vector<BrickSigns> signs(lattice.brick_count());
+  for_each_index(signs.size(), [&](std::size_t b) { signs[b] = BrickSigns(&lattice.value[b * kValues]); });
+  return signs;
+}
+
 std::size_t count_far(const BrickLattice& lattice, const FarCorners& far) {
   std::atomic<std::size_t> sum{0};
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lattice.brick_count(), 16), [&](const auto& range) {
     std::size_t count = 0;
-    for (std::size_t b = range.begin(); b != range.end(); ++b)
-      for (int i = 0; i < kCells * kCells * kCells; ++i)
-        count += far(&lattice.value[b * kValues], i >> 6, i >> 3 & 7, i & 7);
+    for (std::size_t b = range.begin(); b != range.end(); ++b) count += far.count(&lattice.value[b * kValues]);
     sum.fetch_add(count, std::memory_order_relaxed);
   });
   return sum;
@@ -208,7 +227,17 @@ bool FarCorners::operator()(const float* value, int x, int y, int z) const {
     const double slope = (p[high] - p[low]) / (spacing_ * (low && high ? 2 : 1));
     squared += slope * slope;
   }
-  return std::abs(v) > tolerance_ * std::sqrt(squared);
+  return v * v > tolerance_ * tolerance_ * squared;
+}
+
+std::size_t FarCorners::count(const float* value) const {
+  std::size_t count = 0;
+  for (int x = 0; x < kCells; ++x)
+    for (int y = 0; y < kCells; ++y)
+      for (int z = 0; z < kCells; ++z)
+        count += distances_ ? std::abs(static_cast<double>(value[(x * kCorners + y) * kCorners + z])) > threshold()
+                            : (*this)(value, x, y, z);
+  return count;
 }
 
 bool FarCorners::is_far(double value, double slope, double share) const {
@@ -221,7 +250,8 @@ SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
   const MeshColumns columns = cross_columns(mesh, lattice);
-  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), report};
+  const std::vector<BrickSigns> signs = brick_signs(lattice);
+  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), signs, report};
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) { walk_column(walk, c); });
   report.checked = count_far(lattice, walk.far);
   report.wrong = walk.wrong;

@@ -21,6 +21,8 @@ public:
 
   /// Of a corner of the brick whose first value is at `value`; |grad F| by differences.
   bool operator()(const float* value, int x, int y, int z) const;
+  /// How many of the brick's corners 0..7 are far.
+  std::size_t count(const float* value) const;
   /// Of a value of F where its gradient is `slope` long, and `share` of the tolerance.
   bool is_far(double value, double slope, double share = 1.0) const;
   /// No |F| up to this is far.
