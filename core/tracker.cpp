@@ -348,7 +348,10 @@ RelaxReport Tracker::relax_once() {
   std::vector<std::uint8_t> pinned(mesh_.vertex_count());
   for (const Index v : held_vertices()) pinned[v] = 1;
   backend_->set_mesh(mesh_, pinned);
-  const RelaxReport relaxed = backend_->relax(options_.relax, options_.project);
+  RelaxOptions follow = options_.relax;
+  follow.steps = options_.follow_steps;
+  follow.cg_iterations = options_.follow_iterations;
+  const RelaxReport relaxed = backend_->relax(follow, options_.project);
   const auto positions = backend_->positions();
   const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
   if (material_is_known_) slide_rest(mesh_, before);
