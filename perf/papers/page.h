@@ -1,0 +1,36 @@
+// The page of results: text in Markdown, pictures in a folder beside it.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "core/mesh/triangle_mesh.h"
+#include "render/image.h"
+
+namespace isoskin::papers {
+
+struct Page {
+  std::filesystem::path folder;  // of the pictures
+  std::string text;
+
+  template <class... Values>
+  void add(fmt::format_string<Values...> format, Values&&... values) {
+    text += fmt::format(format, std::forward<Values>(values)...);
+  }
+  /// Writes NAME.png and shows it with its caption.
+  void picture(const std::string& name, const Image& image, const std::string& caption) {
+    save_png(folder / (name + ".png"), image);
+    add("![{}]({}/{}.png)\n\n", caption, folder.filename().string(), name);
+  }
+};
+
+/// A mesh as the rasterizer shows it with its edges, from the framing direction.
+Image wire_picture(const TriangleMesh& mesh, const Box& box, const DVec3& from, int width, int height);
+
+void add_particles(Page& page);       // Figueiredo et al. 1992, figures 3 and 4
+void add_spring_lattice(Page& page);  // figures 5 to 7
+void add_skins(Page& page);           // Nesme-Bouthors 2006 tables 2 and 3, Bouthors-Nesme 2007 table 2
+
+}  // namespace isoskin::papers
