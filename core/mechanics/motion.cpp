@@ -1,5 +1,6 @@
 #include "core/mechanics/motion.h"
 
+#include "core/mechanics/flow.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -22,15 +23,19 @@ void project_again_from(const std::vector<Vec3>& old, std::vector<Vec3>& positio
   }
 }
 
-void set_normal_velocities(VertexTable& vertices, const std::vector<Vec3>& old,
-                           const std::vector<ProjectStatus>& status, double dt, Backend& backend) {
-  std::vector<float> values(vertices.size());
-  std::vector<Vec3> gradients(vertices.size());
-  backend.evaluate(vertices.position, values, gradients);
+void set_velocities(VertexTable& vertices, const std::vector<Vec3>& old, const std::vector<ProjectStatus>& status,
+                    double dt) {
   for_each_index(vertices.size(), [&](std::size_t v) {
-    const Vec3 n = Vec3(outward_normal(DVec3(gradients[v])));
     const bool moved = dt > 0.0 && status[v] == ProjectStatus::converged;
-    vertices.velocity[v] = moved ? glm::dot(vertices.position[v] - old[v], n) / float(dt) * n : Vec3(0.0f);
+    vertices.velocity[v] = moved ? (vertices.position[v] - old[v]) / float(dt) : Vec3(0.0f);
+  });
+}
+
+/// A step of Heun's method.
+void advect(VertexTable& vertices, const VelocityField& velocity, double dt) {
+  for_each_index(vertices.size(), [&](std::size_t v) {
+    const DVec3 old(vertices.position[v]), step = dt * DVec3(vertices.velocity[v]);
+    vertices.position[v] = Vec3(old + 0.5 * (step + dt * velocity.velocity(old + step)));
   });
 }
 
@@ -53,15 +58,16 @@ void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backe
              const ProjectOptions& options) {
   VertexTable& vertices = mesh.vertices;
   const std::vector<Vec3> old = vertices.position;
-  for_each_index(mesh.vertex_count(), [&](std::size_t v) {
-    DVec3 step = dt * DVec3(vertices.velocity[v]);
-    if (velocity) step = 0.5 * (step + dt * velocity->velocity(DVec3(old[v]) + step));
-    vertices.position[v] = Vec3(DVec3(old[v]) + step);
-  });
+  if (velocity) {
+    advect(vertices, *velocity, dt);
+  } else if (dt > 0.0) {
+    const std::vector<Vec3> flow = surface_flow(mesh, dt, backend, options.max_step);
+    for_each_index(flow.size(), [&](std::size_t v) { vertices.position[v] += flow[v]; });
+  }
   std::vector<ProjectStatus> status(mesh.vertex_count());
   backend.project(vertices.position, options, status);
   project_again_from(old, vertices.position, status, backend, options);
-  if (!velocity) set_normal_velocities(vertices, old, status, dt, backend);
+  if (!velocity) set_velocities(vertices, old, status, dt);
 }
 
 void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity) {

@@ -10,10 +10,9 @@ namespace isoskin {
 
 /// Moves every vertex by its motion over `dt` seconds and projects it onto the field the backend holds. With `velocity`
 /// (of the time arrived at, world units a second) the motion is a step of Heun's method from the vertex's own velocity
-/// to the grid's; without it the vertex's own velocity serves. A vertex whose prediction finds no surface is projected
-/// from where it was. Afterwards the velocity column holds the surface's own, normal motion where there is no grid
-/// (zero where a vertex found no surface, or dt is 0): what a vertex slid sideways is not the surface's, and would
-/// feed on itself if the next prediction used it.
+/// to the grid's; without it the surface's flow (flow.h). A vertex whose prediction finds no surface is projected from
+/// where it was. Afterwards the velocity column holds the motion made where there is no grid (zero where a vertex found
+/// no surface, or dt is 0): what a vertex slides later, when the skin relaxes, is not the surface's.
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
              const ProjectOptions& options);
 

@@ -1,0 +1,94 @@
+// Fast fronts: skins are taken along by what moves, also where it moves within its own surface.
+#include "core/mechanics/flow.h"
+
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "core/mechanics/motion.h"
+#include "core/tracker.h"
+#include "tests/analytic_fields.h"
+#include "tests/test_meshes.h"
+
+using namespace isoskin;
+using namespace isoskin::analytic;
+
+namespace {
+
+constexpr double kStep = 0.04;
+
+/// A flat drop, `thin` high and 1 wide, about a centre. |grad F| is 1 at its rim, more on its flats.
+class DropField final : public Field {
+public:
+  DropField(const DVec3& centre, double thin) : centre_(centre), stretch_(1.0, 1.0, 1.0 / (thin * thin)) {}
+  FieldSample sample(const DVec3& p) const override {
+    const DVec3 d = p - centre_;
+    return {0.5 * (1.0 - glm::dot(d, stretch_ * d)), -stretch_ * d};
+  }
+  Box bounds() const override {
+    Box box;
+    box.add(centre_ - 1.0);
+    box.add(centre_ + 1.0);
+    return box;
+  }
+  Interval range(const Box&) const override {
+    constexpr double kAll = std::numeric_limits<double>::infinity();
+    return {-kAll, kAll};
+  }
+
+private:
+  DVec3 centre_, stretch_;
+};
+
+}  // namespace
+
+TEST(Flow, a_body_that_moves_takes_all_of_its_skin_along) {
+  const Vec3 step(0.1f, 0.05f, 0.0f);
+  TriangleMesh mesh = test_meshes::icosphere(3);
+  std::vector<Vec3> start = mesh.vertices.position;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)  // all that a surface tells of its motion
+    mesh.vertices.velocity[v] = glm::dot(step, start[v]) / float(kStep) * start[v];
+  const auto backend = make_reference_backend();
+  constexpr int kFrames = 6;
+  for (int frame = 1; frame <= kFrames; ++frame) {
+    backend->set_field(std::make_shared<SphereField>(DVec3(float(frame) * step), 1.0));
+    predict(mesh, nullptr, kStep, *backend, ProjectOptions{});
+  }
+  const float way = float(kFrames) * glm::length(step);
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    ASSERT_LT(glm::distance(mesh.position(v), start[v] + float(kFrames) * step), 0.05f * way) << v;
+}
+
+TEST(Flow, what_stands_still_stays_and_what_grows_grows_straight) {
+  TriangleMesh mesh = test_meshes::icosphere(3);
+  const std::vector<Vec3> start = mesh.vertices.position;
+  const auto backend = make_reference_backend();
+  for (const double radius : {1.0, 1.1}) {
+    backend->set_field(std::make_shared<SphereField>(DVec3(0.0), radius));
+    predict(mesh, nullptr, kStep, *backend, ProjectOptions{.tolerance = 1e-6f});
+    for (Index v = 0; v < mesh.vertex_count(); ++v)
+      ASSERT_LT(glm::distance(mesh.position(v), float(radius) * start[v]), 0.01f * float(radius)) << v;
+  }
+}
+
+TEST(Flow, the_rim_of_a_thin_drop_does_not_outrun_its_flats) {
+  constexpr double kThin = 0.12, kPerFrame = 0.2;
+  constexpr int kFrames = 8;
+  TrackOptions options;
+  options.edge_length = 0.1;
+  options.validate = true;
+  const auto at = [&](int frame) {
+    return FieldFrame{frame, frame * kStep, std::make_shared<DropField>(DVec3(frame * kPerFrame, 0, 0), kThin),
+                      nullptr};
+  };
+  const FieldFrame first = at(0), second = at(1);
+  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
+  tracker.advance(first, &second);
+  for (int frame = 1; frame <= kFrames; ++frame) {
+    const FrameReport report = tracker.advance(at(frame));
+    EXPECT_TRUE(report.certified);
+    EXPECT_GT(report.survived, 0.94) << frame;
+    EXPECT_LE(report.inverted, 5u) << frame;
+    EXPECT_EQ(report.reextracted[1] + report.reextracted[2], 0.0) << frame;
+  }
+}
