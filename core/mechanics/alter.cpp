@@ -55,6 +55,10 @@ struct EdgeState {
   bool stretched(Index h) const { return growth(h) > options.rate * options.edge_length; }
   bool compressed(Index h) const { return growth(h) < -options.rate * options.edge_length; }
 
+  bool frozen_end(Index h) const {
+    const Index a = mesh.from(h), b = mesh.to(h);
+    return (a < frozen.size() && frozen[a]) || (b < frozen.size() && frozen[b]);
+  }
   bool locked(Index h) const {
     const auto left_alone = [&](Index v) {
       return (options.respect_locks && mesh.vertices.age[v] == 0) || (v < frozen.size() && frozen[v]);
@@ -74,7 +78,8 @@ public:
         limit_(options.longest * options.edge_length * options.longest * options.edge_length) {}
 
   bool wants(Index h) const {
-    if (!(state_.squared_length(h) > limit_) || state_.locked(h) || state_.compressed(h)) return false;
+    if (state_.frozen_end(h) || !(state_.squared_length(h) > limit_) || state_.locked(h) || state_.compressed(h))
+      return false;
     if (is_small_piece(mesh_, h)) return false;
     return inverted_.empty() || !(inverted_[h / 3] || inverted_[mesh_.twin[h] / 3]);
   }
@@ -140,7 +145,9 @@ public:
     limit_ = shortest * shortest;
   }
 
-  bool wants(Index h) const { return state_.squared_length(h) < limit_ && !state_.locked(h) && !state_.stretched(h); }
+  bool wants(Index h) const {
+    return !state_.frozen_end(h) && state_.squared_length(h) < limit_ && !state_.locked(h) && !state_.stretched(h);
+  }
   std::uint64_t key(Index h) const { return edge_key(mesh_, h, state_.squared_length(h)); }
 
   std::size_t cell_count() const { return mesh_.vertex_count(); }
@@ -266,6 +273,7 @@ private:
   /// 6)^2: the first is what Delaunay triangulations minimise (Rippa 1990); one sum that only falls cannot cycle.
   float gain(Index h) const {
     const std::array<Index, 4> q = quad(h);
+    if (locked(q[0]) || locked(q[1])) return 0.0f;
     const Vec3 &a = mesh_.position(q[0]), &b = mesh_.position(q[1]), &c = mesh_.position(q[2]),
                &d = mesh_.position(q[3]);
     const Vec3 old_c = glm::cross(b - a, c - a), old_d = glm::cross(d - a, b - a);

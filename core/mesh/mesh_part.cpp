@@ -7,7 +7,8 @@
 
 namespace isoskin {
 
-MeshPart::MeshPart(const TriangleMesh& mesh, Index first_new, int rings) : first_new_(first_new) {
+MeshPart::MeshPart(const TriangleMesh& mesh, Index first_new, int rings)
+    : first_new_(first_new), ring_(first_new / 64 + 1, 0) {
   std::vector<std::uint8_t> inside(mesh.vertex_count());
   for_each_index(inside.size(), [&](std::size_t v) { inside[v] = mesh.vertices.id[v] >= first_new; });
   for (int ring = 0; ring < rings; ++ring) {
@@ -16,17 +17,17 @@ MeshPart::MeshPart(const TriangleMesh& mesh, Index first_new, int rings) : first
     for (const Index h : leaving) {
       if (inside[mesh.to(h)]) continue;
       inside[mesh.to(h)] = 1;
-      ring_.push_back(mesh.vertices.id[mesh.to(h)]);
+      const Index id = mesh.vertices.id[mesh.to(h)];
+      ring_[id / 64] |= std::uint64_t(1) << id % 64;
     }
   }
-  std::sort(ring_.begin(), ring_.end());
 }
 
 std::vector<std::uint8_t> MeshPart::frozen(const TriangleMesh& mesh) const {
   std::vector<std::uint8_t> frozen(mesh.vertex_count());
   for_each_index(frozen.size(), [&](std::size_t v) {
     const Index id = mesh.vertices.id[v];
-    frozen[v] = id < first_new_ && !std::binary_search(ring_.begin(), ring_.end(), id);
+    frozen[v] = id < first_new_ && !(ring_[id / 64] >> id % 64 & 1);
   });
   return frozen;
 }

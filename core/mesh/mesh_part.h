@@ -1,6 +1,7 @@
 // A part of a mesh that may be edited and relaxed while the rest stays as it is.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -19,7 +20,7 @@ public:
 
 private:
   Index first_new_;
-  std::vector<Index> ring_;  // ids, ascending
+  std::vector<std::uint64_t> ring_;  // a bit an old id
 };
 
 /// Some of a mesh's triangles, with borders and without twins, and where they come from.

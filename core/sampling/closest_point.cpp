@@ -193,7 +193,10 @@ void carry_attributes(TriangleMesh& mesh, Index first, const TriangleMesh& old, 
   const ClosestPoint closest(old);
   // Farther than this the other side of a near sheet is the better guess.
   constexpr double kReachInEdges = 8.0;
-  const float reach = static_cast<float>(kReachInEdges * shape_statistics(old).mean_edge);
+  double edges = 0.0;
+  for (Index h = 0; h < old.vertex.size(); ++h)
+    edges += glm::distance(old.position(old.from(h)), old.position(old.to(h)));
+  const float reach = static_cast<float>(kReachInEdges * edges / double(old.vertex.size()));
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
       const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))), reach);

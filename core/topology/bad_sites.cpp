@@ -120,24 +120,34 @@ public:
     low_ -= 1;
     size_ = high_ + 2 - low_;
     side_.assign(std::size_t(size_.x) * size_.y * size_.z, kUnread);
+    changed_.assign(side_.size(), 1);
+    for (int n = 0; n < 27; ++n) step_[n] = (std::ptrdiff_t(n / 9 - 1) * size_.y + n / 3 % 3 - 1) * size_.z + n % 3 - 1;
     for (const IVec3& c : cluster)
-      for (int n = 0; n < 27; ++n) {
-        const IVec3 at = c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-        if (std::int8_t& side = side_[index(at)]; side == kUnread) side = sides.inside_mesh(at);
-      }
+      for (int n = 0; n < 27; ++n)
+        if (std::int8_t& side = side_[index(c) + step_[n]]; side == kUnread)
+          side = sides.inside_mesh(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
   }
 
-  void flip(const IVec3& c) { side_[index(c)] ^= 1; }
-
-  Neighbourhood around(const IVec3& c) const {
-    Neighbourhood mask = 0;
-    for (int n = 0; n < 27; ++n)
-      if (side_[index(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1))] == 1) mask |= 1u << n;
-    return mask;
+  /// Flips the corner if that is simple in both connectivities; whether it did.
+  bool peel(const IVec3& c) {
+    const std::size_t at = index(c);
+    if (!changed_[at]) return false;  // as it was when it was last looked at
+    changed_[at] = 0;
+    const Neighbourhood inside = around(at);
+    if (!is_simple(inside, false) || !is_simple(inside, true)) return false;
+    side_[at] ^= 1;
+    for (const std::ptrdiff_t step : step_) changed_[at + step] = 1;
+    return true;
   }
 
 private:
   static constexpr std::int8_t kUnread = -1;
+
+  Neighbourhood around(std::size_t at) const {
+    Neighbourhood mask = 0;
+    for (int n = 0; n < 27; ++n) mask |= Neighbourhood(side_[at + step_[n]] == 1) << n;
+    return mask;
+  }
 
   std::size_t index(const IVec3& c) const {
     const IVec3 d = c - low_;
@@ -146,6 +156,8 @@ private:
 
   IVec3 low_, high_, size_{0};
   std::vector<std::int8_t> side_;
+  std::vector<std::uint8_t> changed_;  // since it was last looked at, something in the neighbourhood has
+  std::array<std::ptrdiff_t, 27> step_{};
 };
 
 /// Flips the cluster's corners to the field's side as long as the flip is simple in both connectivities, in the given
@@ -156,12 +168,7 @@ std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides) {
   std::iota(left.begin(), left.end(), Index(0));
   for (std::size_t before = left.size() + 1; left.size() < before;) {
     before = left.size();
-    std::erase_if(left, [&](Index i) {
-      const Neighbourhood inside = local.around(cluster[i]);
-      const bool flips = is_simple(inside, false) && is_simple(inside, true);
-      if (flips) local.flip(cluster[i]);
-      return flips;
-    });
+    std::erase_if(left, [&](Index i) { return local.peel(cluster[i]); });
   }
   return left;
 }
