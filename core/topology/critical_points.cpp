@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include <tbb/parallel_for.h>
+
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -75,6 +77,22 @@ bool before(const DVec3& a, const DVec3& b) {
   return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
 }
 
+/// Of the points (each an index), in order of place, the first of every group nearer than `distance` to it.
+template <class Place>
+std::vector<Index> one_of_each(std::vector<Index> points, double distance, const Place& place) {
+  std::sort(points.begin(), points.end(),
+            [&](Index a, Index b) { return before(place(a), place(b)) || (!before(place(b), place(a)) && a < b); });
+  std::vector<Index> kept;
+  std::size_t window = 0;  // kept points before it are too far along x
+  for (const Index point : points) {
+    while (window < kept.size() && place(kept[window]).x < place(point).x - distance) ++window;
+    const bool known = std::any_of(kept.begin() + std::ptrdiff_t(window), kept.end(),
+                                   [&](Index k) { return glm::distance(place(k), place(point)) <= distance; });
+    if (!known) kept.push_back(point);
+  }
+  return kept;
+}
+
 /// Runs all searches in lockstep: one batch of evaluations a round.
 void search_in_batches(Backend& backend, std::vector<NewtonSearch>& searches, const CriticalOptions& options) {
   std::vector<Index> running(searches.size());
@@ -125,15 +143,18 @@ SymmetricEigen symmetric_eigen(const DMat3& m) {
     for (const auto& [p, q] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
       if (a[q][p] == 0.0) continue;
       const double theta = (a[q][q] - a[p][p]) / (2.0 * a[q][p]);
-      const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::hypot(theta, 1.0));
-      const double c = 1.0 / std::hypot(t, 1.0), s = t * c;
-      DMat3 turn(1.0);
-      turn[p][p] = turn[q][q] = c;
-      turn[q][p] = s;
-      turn[p][q] = -s;
-      a = glm::transpose(turn) * a * turn;
+      const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
+      const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
+      const int r = 3 - p - q;
+      const double shift = t * a[q][p], rp = a[r][p], rq = a[r][q];
+      a[p][p] -= shift;
+      a[q][q] += shift;
       a[q][p] = a[p][q] = 0.0;
-      v = v * turn;
+      a[r][p] = a[p][r] = c * rp - s * rq;
+      a[r][q] = a[q][r] = s * rp + c * rq;
+      const DVec3 vp = v[p], vq = v[q];
+      v[p] = c * vp - s * vq;
+      v[q] = s * vp + c * vq;
     }
   }
   int order[3] = {0, 1, 2};
@@ -187,13 +208,19 @@ CriticalSearch find_critical_points(const Field& field, Backend& backend, std::s
   searches.reserve(seeds.size());
   for (const DVec3& seed : seeds) searches.emplace_back(seed, options);
   search_in_batches(backend, searches, options);
-  std::vector<std::optional<CriticalPoint>> polished(seeds.size());
-  for_each_index(seeds.size(), [&](std::size_t i) {
-    if (searches[i].state() == NewtonSearch::State::failed) return;
-    polished[i] = refine_critical_point(field, searches[i].best(), options);
-  });
+  // Many seeds lead to one point, and as near as this they are polished to the same.
+  std::vector<Index> settled;
+  for (Index i = 0; i < searches.size(); ++i)
+    if (searches[i].state() == NewtonSearch::State::settled) settled.push_back(i);
   CriticalSearch found;
   found.seeds = seeds.size();
+  found.rejected = seeds.size() - settled.size();
+  settled = one_of_each(std::move(settled), options.settled * options.edge_length,
+                        [&](Index i) { return searches[i].best(); });
+  std::vector<std::optional<CriticalPoint>> polished(settled.size());
+  tbb::parallel_for(std::size_t(0), settled.size(), [&](std::size_t i) {
+    polished[i] = refine_critical_point(field, searches[settled[i]].best(), options);
+  });
   for (const auto& point : polished)
     if (point)
       found.points.push_back(*point);
@@ -226,17 +253,11 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
 }
 
 void merge_critical_points(std::vector<CriticalPoint>& points, double distance) {
-  std::sort(points.begin(), points.end(),
-            [](const CriticalPoint& a, const CriticalPoint& b) { return before(a.position, b.position); });
+  std::vector<Index> all(points.size());
+  std::iota(all.begin(), all.end(), Index(0));
   std::vector<CriticalPoint> kept;
-  std::size_t window = 0;  // kept points before it are too far along x
-  for (const CriticalPoint& point : points) {
-    while (window < kept.size() && kept[window].position.x < point.position.x - distance) ++window;
-    const bool known = std::any_of(kept.begin() + std::ptrdiff_t(window), kept.end(), [&](const CriticalPoint& k) {
-      return glm::distance(k.position, point.position) <= distance;
-    });
-    if (!known) kept.push_back(point);
-  }
+  for (const Index i : one_of_each(std::move(all), distance, [&](Index k) { return points[k].position; }))
+    kept.push_back(points[i]);
   points = std::move(kept);
 }
 
