@@ -193,6 +193,26 @@ Interval distance_interval(const SkeletonElement& e, const Box& box) {
   return {std::max(0.0, d.low - absolute), d.high + absolute + kRelative * d.high};
 }
 
+/// Where the element's potential is not zero, with room for rounding.
+Box support_of(const SkeletonElement& e) {
+  Box box;
+  if (!is_compact(e.potential)) return {DVec3(-kInfinity), DVec3(kInfinity)};
+  box.add(e.a);
+  box.add(e.b);
+  constexpr double kRelative = 1e-9;  // a p-norm is at least the largest coordinate, up to rounding
+  return box.grown(e.radius + kRelative * (e.radius + glm::length(e.a) + glm::length(e.b)));
+}
+
+bool contains(const Box& box, const DVec3& p) {
+  return p.x >= box.low.x && p.x <= box.high.x && p.y >= box.low.y && p.y <= box.high.y && p.z >= box.low.z &&
+         p.z <= box.high.z;
+}
+
+bool overlap(const Box& a, const Box& b) {
+  return a.low.x <= b.high.x && b.low.x <= a.high.x && a.low.y <= b.high.y && b.low.y <= a.high.y &&
+         a.low.z <= b.high.z && b.low.z <= a.high.z;
+}
+
 bool may_be_zero(const Interval& range) {
   return range.low <= 0.0 && range.high >= 0.0;
 }
@@ -258,13 +278,17 @@ void check(const SkeletonElement& e, std::size_t index) {
 SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
     : elements_(std::move(elements)), iso_(iso) {
   if (!std::isfinite(iso_)) throw InputError("skeleton: iso must be finite");
-  for (std::size_t i = 0; i < elements_.size(); ++i) check(elements_[i], i);
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    check(elements_[i], i);
+    support_.push_back(support_of(elements_[i]));
+  }
 }
 
 FieldSample SkeletonField::sample(const DVec3& p) const {
   FieldSample sum{-iso_, DVec3(0.0)};
-  for (const SkeletonElement& e : elements_) {
-    const FieldSample s = element_sample(e, p);
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!contains(support_[i], p)) continue;
+    const FieldSample s = element_sample(elements_[i], p);
     sum.value += s.value;
     sum.gradient += s.gradient;
   }
@@ -273,7 +297,9 @@ FieldSample SkeletonField::sample(const DVec3& p) const {
 
 double SkeletonField::value(const DVec3& p) const {
   double sum = -iso_;
-  for (const SkeletonElement& e : elements_) {
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!contains(support_[i], p)) continue;
+    const SkeletonElement& e = elements_[i];
     const DVec3 x = offset_from(e, p).x;
     const double d = e.norm == 2.0 ? 0.0 : norm_of(x, e.norm);
     sum += e.weight * profile(e, e.norm == 2.0 ? glm::dot(x, x) : d * d).value;
@@ -283,14 +309,17 @@ double SkeletonField::value(const DVec3& p) const {
 
 DMat3 SkeletonField::hessian(const DVec3& p) const {
   DMat3 sum(0.0);
-  for (const SkeletonElement& e : elements_) sum += element_hessian(e, p);
+  for (std::size_t i = 0; i < elements_.size(); ++i)
+    if (contains(support_[i], p)) sum += element_hessian(elements_[i], p);
   return sum;
 }
 
 Interval SkeletonField::range(const Box& box) const {
   Interval sum{-iso_, -iso_};
   double low_size = std::abs(iso_), high_size = low_size;
-  for (const SkeletonElement& e : elements_) {
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!overlap(support_[i], box)) continue;
+    const SkeletonElement& e = elements_[i];
     const Interval d = distance_interval(e, box);
     const double near = e.weight * profile(e, d.low * d.low).value;
     const double far = e.weight * profile(e, d.high * d.high).value;

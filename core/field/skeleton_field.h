@@ -51,6 +51,7 @@ public:
 
 private:
   std::vector<SkeletonElement> elements_;
+  std::vector<Box> support_;  // of each element; outside of it the element's term is zero
   double iso_ = 0.0;
 };
 
