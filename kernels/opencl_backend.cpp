@@ -56,7 +56,7 @@ public:
       return;
     }
     throw std::invalid_argument(
-        "opencl backend: no kernel for this kind of field; expected SkeletonField or GridField");
+        "opencl backend: no kernel for this kind of field; expected SkeletonField, BlendGraphField or GridField");
   }
 
   void evaluate(std::span<const Vec3> points, std::span<float> values, std::span<Vec3> gradients) override {

@@ -1,5 +1,6 @@
 // Field part of a program: SkeletonField (core/field/skeleton_field.h) over a packet of points. Compact elements far
-// from a point are skipped through a uniform grid of element lists; the others are in the list of all points.
+// from a point are skipped through a uniform grid of element lists; the others are in the list of all points. With
+// GROUPS it is a BlendGraphField, and every group's elements are added in turn.
 enum { INVERSE_SQUARE, CAUCHY, METABALL, BLINN, WYVILL };
 
 #define SINGULARITY 1e-6f  // inverse square is constant nearer than this share of the radius
@@ -187,6 +188,31 @@ INLINE void add_element(const SkeletonElement e, vec3v p, int with_hessian, Skel
   sum->yz += f.bend * x.y * x.z - slid * e.ab[1] * e.ab[2];
 }
 
+#ifdef GROUPS
+// The greatest sum of a group (core/field/blend_graph.h). field_first tells where each group's elements begin,
+// field.always how many groups there are.
+INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
+  SkeletonSum best = {-INFINITY, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+  for (uint group = 0; group < field.always; ++group) {
+    SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    for (uint at = field_first[group]; at < field_first[group + 1]; ++at)
+      add_element(field_elements[field_list[at]], p, with_hessian, &sum);
+    const vint more = sum.value > best.value;
+    best.value = select(best.value, sum.value, more);
+    best.g.x = select(best.g.x, sum.g.x, more);
+    best.g.y = select(best.g.y, sum.g.y, more);
+    best.g.z = select(best.g.z, sum.g.z, more);
+    if (!with_hessian) continue;
+    best.xx = select(best.xx, sum.xx, more);
+    best.yy = select(best.yy, sum.yy, more);
+    best.zz = select(best.zz, sum.zz, more);
+    best.xy = select(best.xy, sum.xy, more);
+    best.xz = select(best.xz, sum.xz, more);
+    best.yz = select(best.yz, sum.yz, more);
+  }
+  return best;
+}
+#else
 // Index of the list of each lane's cell; INT_MAX outside the grid.
 INLINE vint cell_of(FIELD_PARAMS, vec3v p) {
   const vfloat x = floor((p.x - field.low[0]) * field.over_cell);
@@ -221,6 +247,7 @@ INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
     end = field_first[cell + 1];
   }
 }
+#endif
 
 INLINE FieldValue field_sample(FIELD_PARAMS, vec3v p) {
   const SkeletonSum sum = sum_elements(FIELD_ARGS, p, 0);

@@ -1,4 +1,5 @@
 #include "core/field/skeleton_field.h"
+#include "core/field/blend_graph.h"
 
 #include <algorithm>
 #include <cmath>
@@ -160,38 +161,23 @@ public:
   explicit SkeletonDeviceField(Device& device)
       : width_(device.vector_width()), elements_(device), first_(device), list_(device) {}
 
-  bool takes(const Field& field) const override { return dynamic_cast<const SkeletonField*>(&field) != nullptr; }
+  bool takes(const Field& field) const override {
+    return dynamic_cast<const SkeletonField*>(&field) || dynamic_cast<const BlendGraphField*>(&field);
+  }
 
   void upload(const Field& field) override {
-    const auto& skeleton = static_cast<const SkeletonField&>(field);
-    const std::vector<SkeletonElement> elements = in_order(skeleton.elements());
-    Box box;
-    for (const SkeletonElement& e : elements) {
-      box.add(e.a);
-      box.add(e.b);
+    const auto* blend = dynamic_cast<const BlendGraphField*>(&field);
+    groups_ = blend != nullptr;
+    if (blend) {
+      upload_groups(*blend);
+    } else {
+      upload_skeleton(static_cast<const SkeletonField&>(field));
     }
-    const DVec3 origin = box.empty() ? DVec3(0.0) : box.center();
-    std::size_t compact_first = std::find_if(elements.begin(), elements.end(), is_compact) - elements.begin();
-    if (elements.size() - compact_first <= kLoopAll) compact_first = elements.size();
-    const CellGrid grid = cell_grid(elements, compact_first);
-
-    std::vector<SkeletonElementData> data;
-    for (const SkeletonElement& e : elements) data.push_back(pack(e, origin));
-    elements_.assign(data);
-    first_.assign(grid.first);
-    list_.assign(grid.list);
-    params_.origin = make_origin(origin);
-    params_.iso = static_cast<float>(skeleton.iso());
-    for (int i = 0; i < 3; ++i) params_.low[i] = static_cast<float>(grid.low[i] - origin[i]);
-    for (int i = 0; i < 3; ++i) params_.size[i] = grid.size[i];
-    params_.over_cell = static_cast<float>(1.0 / grid.cell);
-    params_.always = static_cast<cl_uint>(compact_first);
-    general_norm_ = std::any_of(elements.begin(), elements.end(), [](const auto& e) { return e.norm != 2.0; });
   }
 
   const char* source() const override { return source::skeleton_field; }
   std::string build_options() const override {
-    return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "");
+    return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "") + (groups_ ? " -DGROUPS" : "");
   }
   int width() const override { return width_; }
   const Origin& origin() const override { return params_.origin; }
@@ -203,11 +189,54 @@ public:
   }
 
 private:
+  /// The elements of all groups, one group after the other; first_ tells where each begins.
+  void upload_groups(const BlendGraphField& field) {
+    std::vector<SkeletonElement> elements;
+    CellGrid grid;  // without cells
+    grid.first = {0};
+    for (const SkeletonField& group : field.groups()) {
+      const std::vector<SkeletonElement> members = in_order(group.elements());
+      elements.insert(elements.end(), members.begin(), members.end());
+      grid.first.push_back(static_cast<cl_uint>(elements.size()));
+    }
+    grid.list.resize(elements.size());
+    std::iota(grid.list.begin(), grid.list.end(), 0u);
+    assign(elements, grid, field.groups().size(), field.groups().front().iso());
+  }
+
+  void upload_skeleton(const SkeletonField& field) {
+    const std::vector<SkeletonElement> elements = in_order(field.elements());
+    std::size_t compact_first = std::find_if(elements.begin(), elements.end(), is_compact) - elements.begin();
+    if (elements.size() - compact_first <= kLoopAll) compact_first = elements.size();
+    assign(elements, cell_grid(elements, compact_first), compact_first, field.iso());
+  }
+
+  void assign(const std::vector<SkeletonElement>& elements, const CellGrid& grid, std::size_t always, double iso) {
+    Box box;
+    for (const SkeletonElement& e : elements) {
+      box.add(e.a);
+      box.add(e.b);
+    }
+    const DVec3 origin = box.empty() ? DVec3(0.0) : box.center();
+    std::vector<SkeletonElementData> data;
+    for (const SkeletonElement& e : elements) data.push_back(pack(e, origin));
+    elements_.assign(data);
+    first_.assign(grid.first);
+    list_.assign(grid.list);
+    params_.origin = make_origin(origin);
+    params_.iso = static_cast<float>(iso);
+    for (int i = 0; i < 3; ++i) params_.low[i] = static_cast<float>(grid.low[i] - origin[i]);
+    for (int i = 0; i < 3; ++i) params_.size[i] = grid.size[i];
+    params_.over_cell = static_cast<float>(1.0 / grid.cell);
+    params_.always = static_cast<cl_uint>(always);
+    general_norm_ = std::any_of(elements.begin(), elements.end(), [](const auto& e) { return e.norm != 2.0; });
+  }
+
   int width_;
   Array<SkeletonElementData> elements_;
   Array<cl_uint> first_, list_;
   SkeletonParams params_{};
-  bool general_norm_ = false;
+  bool general_norm_ = false, groups_ = false;
 };
 
 }  // namespace

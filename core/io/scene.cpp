@@ -6,11 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <numeric>
 #include <sstream>
 #include <string_view>
 #include <vector>
 
-#include "core/field/skeleton_field.h"
+#include "core/field/blend_graph.h"
 #include "core/io/frame_files.h"
 #include "core/io/key_track.h"
 
@@ -195,6 +196,7 @@ public:
   double dt_ = kDefaultFrameDuration;
   double iso_ = 0.0;
   std::vector<ElementTracks> elements_;
+  std::vector<std::vector<Index>> groups_;  // that blend
 
   int first_frame() const override { return first_; }
   int last_frame() const override { return last_; }
@@ -206,7 +208,7 @@ public:
     }
     std::vector<SkeletonElement> pose;
     for (const ElementTracks& element : elements_) pose.push_back(element.at(frame));
-    return {frame, (frame - begin_) * dt_, std::make_shared<SkeletonField>(std::move(pose), iso_), nullptr};
+    return {frame, (frame - begin_) * dt_, blended(std::move(pose), iso_, groups_), nullptr};
   }
 };
 
@@ -241,6 +243,36 @@ SceneMeshing read_meshing(const Reader& reader, const toml::table& root) {
   return meshing;
 }
 
+/// All elements are one group, unless `blend` names the pairs that blend.
+std::vector<std::vector<Index>> read_blend(const Reader& reader, const toml::table& root, std::size_t elements) {
+  const toml::node* node = root.get("blend");
+  if (!node) {
+    std::vector<Index> all(elements);
+    std::iota(all.begin(), all.end(), Index{0});
+    return {all};
+  }
+  constexpr std::string_view kPairs = "pairs of elements, numbered from 1";
+  std::vector<BlendEdge> edges;
+  for (const toml::node& entry : reader.array(*node, "blend")) {
+    const toml::array& pair = reader.array(entry, "blend");
+    if (pair.size() != 2) reader.fail(entry, fmt::format("blend: expected {}", kPairs));
+    BlendEdge edge{};
+    for (std::size_t k = 0; k < 2; ++k) {
+      const int element = reader.integer(pair[k], "blend");
+      if (element < 1 || std::size_t(element) > elements)
+        reader.fail(pair[k], fmt::format("blend: no element {}, expected {}, to {}", element, kPairs, elements));
+      edge[k] = Index(element - 1);
+    }
+    if (edge[0] == edge[1]) reader.fail(entry, fmt::format("blend: one element twice, expected {}", kPairs));
+    edges.push_back(edge);
+  }
+  try {
+    return blend_groups(elements, edges);
+  } catch (const InputError& error) {
+    reader.fail(*node, error.what());
+  }
+}
+
 std::unique_ptr<FieldSource> read_skeleton(const Reader& reader, const toml::table& root, const std::string& name,
                                            const SequenceOptions& overrides) {
   auto source = std::make_unique<SkeletonSource>();
@@ -263,6 +295,7 @@ std::unique_ptr<FieldSource> read_skeleton(const Reader& reader, const toml::tab
     source->elements_.push_back(read_element(reader, reader.table(entry, "element")));
   }
   if (source->elements_.empty()) reader.fail(node, "element: expected at least one [[element]]");
+  source->groups_ = read_blend(reader, root, source->elements_.size());
   return source;
 }
 
@@ -306,6 +339,7 @@ SequenceOptions read_sequence_options(const Reader& reader, const toml::table& r
 std::unique_ptr<FieldSource> read_sequence(const Reader& reader, const toml::table& root,
                                            const SequenceOptions& overrides) {
   if (const auto* iso = root.get("iso")) reader.fail(*iso, "iso: expected it in [sequence]");
+  if (const auto* blend = root.get("blend")) reader.fail(*blend, "blend: expected it with [[element]] only");
   const toml::table& table = reader.table(*root.get("sequence"), "sequence");
   reader.allow_keys(table, {"files", "grid", "iso", "smooth", "interpolation", "velocity"});
   const toml::node* files = table.get("files");
@@ -354,7 +388,7 @@ toml::table parse(const fs::path& file) {
 Scene load_scene(const fs::path& file, const SequenceOptions& overrides) {
   const Reader reader(file);
   const toml::table root = parse(file);
-  reader.allow_keys(root, {"name", "frames", "dt", "iso", "meshing", "element", "sequence"});
+  reader.allow_keys(root, {"name", "frames", "dt", "iso", "blend", "meshing", "element", "sequence"});
   std::optional<std::string> name;
   if (const auto* node = root.get("name")) {
     name = reader.text(*node, "name");

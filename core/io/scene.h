@@ -28,6 +28,7 @@ struct Scene {
 ///   name = "seven"              default: the file's stem
 ///   frames = [1, 200]           default: [1, 1], or all files of a sequence;  dt = 0.04  seconds a frame, default 1/24
 ///   iso = 0.2                   of skeletons; required
+///   blend = [[1, 2], [2, 3]]    pairs of elements, numbered from 1, that blend; default: all blend with each other
 ///   [meshing]  edge_length = 0.1  angle = 18  passes = 4  sagitta = 0.001  sharp = false
 ///   [[element]]  kind = "point" (default) | "segment"
 ///     potential = "metaball" (default) | "inverse_square" | "cauchy" | "blinn" | "wyvill"   norm = 2.0
