@@ -206,8 +206,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    GeometricOptions options{options_.refine, options_.project, options_.edge_length, options_.tolerance};
-    geometric_ = geometric_mesh(mesh_, *frame.field, evidence.lattice, *backend_, options);
+    geometric_ = geometric_mesh(mesh_, *frame.field, evidence.lattice, evidence.topology, *backend_,
+                                {options_.refine, options_.project, options_.edge_length, certify_options()});
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
@@ -427,13 +427,17 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
+  evidence.pieces = mesh_pieces(mesh_);
+  evidence.certificate =
+      isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, certify_options());
+}
+
+CertifyOptions Tracker::certify_options() const {
   CertifyOptions options;
   options.tolerance = options_.tolerance;
   constexpr double kFromVolume = 16.0;  // in tolerances cubed: smaller droplets have no volume to speak of
   options.volume_from = kFromVolume * std::pow(options_.tolerance, 3.0);
-  evidence.pieces = mesh_pieces(mesh_);
-  evidence.certificate =
-      isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, options);
+  return options;
 }
 
 void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, double widened,

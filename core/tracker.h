@@ -139,6 +139,7 @@ private:
   std::vector<std::uint8_t> inverted_triangles();
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  CertifyOptions certify_options() const;
   void reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, double widened, FrameReport& report);
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);

@@ -3,16 +3,30 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
+#include "core/sampling/closest_point.h"
+#include "core/topology/bad_sites.h"
 #include "core/topology/columns.h"
+#include "core/topology/match.h"
+#include "core/topology/point_grid.h"
+#include "core/topology/reskin.h"
+#include "core/trace.h"
 
 namespace isoskin {
 namespace {
 
-/// Lattice corners farther than the tolerance from the surface on whose side mesh and field differ.
+/// Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
+double distance(const Field& field, double value, double slope) {
+  const double estimate = slope > 0.0 ? std::abs(value) / slope : std::numeric_limits<double>::infinity();
+  return field.resolution() > 0.0 ? std::min(estimate, std::abs(value)) : estimate;
+}
+
+/// Lattice corners on whose side mesh and field differ, farther than `least` from the surface.
 std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                                double tolerance) {
+                                double least) {
   constexpr int kSide = BrickLattice::kCorners;
   const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
   std::vector<std::vector<Vec3>> of_brick(lattice.brick_count());
@@ -22,10 +36,9 @@ std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, co
       if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
       const int local = int(i % BrickLattice::kValues);
       const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
-      // Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
-      if (field.resolution() > 0.0 && std::abs(double(value)) <= tolerance) continue;
+      if (field.resolution() > 0.0 && std::abs(double(value)) <= least) continue;  // without asking for the slope
       const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[b] + corner);
-      if (field.distance_estimate(p) > tolerance) of_brick[b].emplace_back(p);
+      if (distance(field, value, glm::length(field.sample(p).gradient)) > least) of_brick[b].emplace_back(p);
     }
   });
   std::vector<Vec3> wrong;
@@ -33,19 +46,186 @@ std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, co
   return wrong;
 }
 
+/// Centroids farther than `least` from the surface.
+std::vector<Vec3> stray_centroids(const TriangleMesh& mesh, const Field& field, Backend& backend, double least) {
+  std::vector<Vec3> points(mesh.triangle_count()), gradients(points.size());
+  std::vector<float> values(points.size());
+  for_each_index(points.size(), [&](std::size_t t) {
+    const Index* v = &mesh.vertex[3 * t];
+    points[t] = (mesh.position(v[0]) + mesh.position(v[1]) + mesh.position(v[2])) / 3.0f;
+  });
+  backend.evaluate(points, values, gradients);
+  std::vector<Vec3> strays;
+  for (std::size_t t = 0; t < points.size(); ++t)
+    if (distance(field, values[t], glm::length(gradients[t])) > least) strays.push_back(points[t]);
+  return strays;
+}
+
+/// The geometric mesh in the making.
+class Making {
+public:
+  Making(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
+         const LatticeTopology& topology, Backend& backend, const GeometricOptions& options)
+      : mechanical_(mechanical),
+        field_(field),
+        lattice_(lattice),
+        topology_(topology),
+        backend_(backend),
+        options_(options),
+        tolerance_(options.certify.tolerance) {
+    look();
+    report_.hidden = hidden_.size();
+  }
+
+  /// Fills hidden places anew; false where there are none or it fails.
+  bool fill() {
+    if (hidden_.empty()) return false;
+    const Span span("fill");
+    TriangleMesh skin;
+    const auto filled = [&](bool alike_only) {
+      skin = this->skin();
+      return fill(skin, alike_only);
+    };
+    // A handle may hide in a fold elsewhere; then the right one must not come in its place.
+    if (!filled(false) && !filled(true)) return false;
+    skin_ = std::move(skin);
+    ++report_.fillings;
+    look();
+    return true;
+  }
+
+  /// All other passes.
+  void refine_on() {
+    if (report_.refine.passes == 0) return;
+    RefineOptions options = options_.refine;
+    options.passes -= report_.refine.passes;
+    RefineReport rest;
+    GeometricMesh finer = refine(mesh_.mesh, backend_, options, options_.project, &rest);
+    for_each_index(finer.parent_triangle.size(),
+                   [&](std::size_t t) { finer.parent_triangle[t] = mesh_.parent_triangle[finer.parent_triangle[t]]; });
+    std::copy(mesh_.parent_edge.begin(), mesh_.parent_edge.end(), finer.parent_edge.begin());
+    mesh_ = std::move(finer);
+    report_.refine.passes += rest.passes;
+    report_.refine.triangles = rest.triangles;
+    report_.refine.new_vertices += rest.new_vertices;
+    report_.refine.quasi_critical += rest.quasi_critical;
+  }
+
+  void take_back() {
+    constexpr float kEverywhere = std::numeric_limits<float>::infinity();
+    const float e = float(options_.edge_length);
+    for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
+      const std::vector<Vec3> wrong = wrong_corners(mesh_.mesh, field_, lattice_, tolerance_);
+      if (wrong.empty()) break;
+      flatten(mesh_, wrong, radius);
+    }
+  }
+
+  GeometricMesh finish(GeometricReport* report) {
+    report_.still_hidden = hidden_.size();
+    if (report) *report = report_;
+    return std::move(mesh_);
+  }
+
+private:
+  /// One pass shows what more passes would not.
+  void look() {
+    RefineOptions options = options_.refine;
+    options.passes = std::min(options.passes, 1);
+    mesh_ = refine(skin(), backend_, options, options_.project, &report_.refine);
+    const Span span("look");
+    hidden_ = wrong_corners(mesh_.mesh, field_, lattice_, options_.hidden_corner * tolerance_);
+    const std::vector<Vec3> strays = stray_centroids(mesh_.mesh, field_, backend_, options_.hidden_centre * tolerance_);
+    hidden_.insert(hidden_.end(), strays.begin(), strays.end());
+  }
+
+  bool fill(TriangleMesh& skin, bool alike_only) const {
+    BadSites sites;
+    for (const Vec3& place : hidden_) sites.add(place, true);
+    const MeshPieces pieces = mesh_pieces(skin);
+    const Certificate to_be_filled = judge(skin, pieces, sites);
+    ReskinOptions options;
+    options.edge_length = options_.edge_length;
+    options.radius = options_.radius;
+    options.replace_all = true;
+    options.alike_only = alike_only;
+    options.growths = 1;          // what still fails is tried again with the places it has left
+    options.collapse_passes = 0;  // as fine as the lattice: coarser triangles would cut short what they are here for
+    options.carry = false;
+    const ReskinReport done = reskin(skin, pieces, to_be_filled, sites, lattice_, topology_, backend_, options);
+    if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
+    backend_.project(std::span(skin.vertices.position).subspan(done.first_new_vertex), options_.project, {});
+    if (!certify(skin, mesh_pieces(skin), field_, lattice_, topology_, options_.certify).passed) return false;
+    carry_attributes(skin, done.first_new_vertex, part_about(sites.point), backend_);
+    return true;
+  }
+
+  /// Which pieces may be touched. A small one near a site is replaced whole: all of it becomes one.
+  Certificate judge(const TriangleMesh& skin, const MeshPieces& pieces, BadSites& sites) const {
+    std::vector<std::vector<Index>> vertices(pieces.count());
+    for (Index v = 0; v < skin.vertex_count(); ++v)
+      if (pieces.of_vertex[v] != kNone) vertices[pieces.of_vertex[v]].push_back(v);
+    const PointGrid near(sites.point, float(options_.radius * options_.edge_length));
+    const auto is_small = [&](Index piece) { return vertices[piece].size() <= options_.small_piece; };
+    const auto is_near = [&](Index v) { return near.any_near(skin.position(v)); };
+    Certificate certificate;
+    certificate.mesh_piece.assign(pieces.count(), Fault::wrong_side);
+    certificate.lattice_piece.assign(topology_.piece_count(), Fault::none);
+    std::vector<Index> replaced;
+    for (const Cluster& cluster : match_pieces(skin, pieces, lattice_, topology_, options_.certify.least_piece)) {
+      if (cluster.mesh.size() != 1 || cluster.lattice.size() != 1 || !is_small(cluster.mesh.front())) continue;
+      const std::vector<Index>& piece = vertices[cluster.mesh.front()];
+      if (std::any_of(piece.begin(), piece.end(), is_near)) {
+        certificate.lattice_piece[cluster.lattice.front()] = Fault::wrong_side;
+        replaced.insert(replaced.end(), piece.begin(), piece.end());
+      } else {
+        certificate.mesh_piece[cluster.mesh.front()] = Fault::none;
+      }
+    }
+    for (const Index v : replaced) sites.add(skin.position(v), true);
+    return certificate;
+  }
+
+  /// The triangles of the skin near the points, open, with all its vertices: enough to carry attributes over from.
+  TriangleMesh part_about(const std::vector<Vec3>& points) const {
+    constexpr double kBeyond = 3.0;  // e: what is emptied, and around it
+    const TriangleMesh& whole = skin();
+    const PointGrid near(points, float((options_.radius + kBeyond) * options_.edge_length));
+    const std::vector<Index> triangles = indices_where(
+        whole.triangle_count(), [&](Index t) { return near.any_near(whole.position(whole.vertex[3 * t])); });
+    TriangleMesh part;
+    part.vertices = whole.vertices;
+    for (const Index t : triangles)
+      part.vertex.insert(part.vertex.end(), &whole.vertex[3 * t], &whole.vertex[3 * t] + 3);
+    return part;
+  }
+
+  const TriangleMesh& skin() const { return skin_ ? *skin_ : mechanical_; }
+
+  const TriangleMesh& mechanical_;
+  const Field& field_;
+  const BrickLattice& lattice_;
+  const LatticeTopology& topology_;
+  Backend& backend_;
+  const GeometricOptions& options_;
+  const double tolerance_;
+  std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
+  GeometricMesh mesh_;                // refined from it
+  std::vector<Vec3> hidden_;          // places that it does not show
+  GeometricReport report_;
+};
+
 }  // namespace
 
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
-                             Backend& backend, const GeometricOptions& options) {
-  GeometricMesh geometric = refine(mechanical, backend, options.refine, options.project);
-  constexpr float kEverywhere = std::numeric_limits<float>::infinity();
-  const float e = float(options.edge_length);
-  for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
-    const std::vector<Vec3> wrong = wrong_corners(geometric.mesh, field, lattice, options.tolerance);
-    if (wrong.empty()) break;
-    flatten(geometric, wrong, radius);
+                             const LatticeTopology& topology, Backend& backend, const GeometricOptions& options,
+                             GeometricReport* report) {
+  Making making(mechanical, field, lattice, topology, backend, options);
+  for (int filling = 0; filling < options.fillings && making.fill(); ++filling) {
   }
-  return geometric;
+  making.refine_on();
+  making.take_back();
+  return making.finish(report);
 }
 
 }  // namespace isoskin

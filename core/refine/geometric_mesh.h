@@ -1,9 +1,12 @@
-// The geometric mesh of a frame: the mechanical mesh refined, and taken back where that went wrong (design 7).
+// The geometric mesh of a frame: the mechanical mesh refined, filled anew where that does not show the field, and taken
+// back where it went wrong (design 7).
 #pragma once
 
 #include "core/backend.h"
 #include "core/refine/refine.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/marching_cubes.h"
+#include "core/topology/certificate.h"
 
 namespace isoskin {
 
@@ -11,13 +14,30 @@ struct GeometricOptions {
   RefineOptions refine;
   ProjectOptions project;
   double edge_length = 1.0;  // e, world units
-  double tolerance = 1.0;  // lattice corners farther from the surface than this must be on the right side, world units
+  CertifyOptions certify;    // as the mechanical mesh was certified; its tolerance is the unit of the next two
+  // Lattice corners on the wrong side and farther than this from the surface, and centroids farther than that, are
+  // places which the refined mesh does not show.
+  double hidden_corner = 0.15, hidden_centre = 0.25;
+  double radius = 1.0;  // triangles of the mechanical mesh nearer than this to such a place are replaced, units of e
+  std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
+  int fillings = 2;               // times this is tried, at most; 0: never
 };
 
-/// Refines a certified mechanical mesh; where that puts a lattice corner on the wrong side, the refined vertices go
-/// back onto the mechanical mesh: nearby, then farther away, at last everywhere. `field` is the one the backend holds
-/// and the lattice was sampled from.
+struct GeometricReport {
+  RefineReport refine;           // of the mesh with its fillings
+  int fillings = 0;              // that were kept
+  std::size_t hidden = 0;        // places that the mechanical mesh does not show
+  std::size_t still_hidden = 0;  // and that its fillings do not
+};
+
+/// Refines a certified mechanical mesh. A tip or rim that has grown out of it, a thread that it cuts short and a sheet
+/// that it has folded into cannot be subdivided right: there a copy of the mechanical mesh is emptied and filled with
+/// the lattice's surface (core/topology/reskin.h), kept only if it passes the certificate, and the copy refined
+/// instead. Where refined vertices put a lattice corner beyond the tolerance on the wrong side, they go back onto the
+/// mesh they were refined from: nearby, then farther away, at last everywhere. `field` is the one the backend holds and
+/// the lattice was sampled from. Deterministic.
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
-                             Backend& backend, const GeometricOptions& options);
+                             const LatticeTopology& topology, Backend& backend, const GeometricOptions& options,
+                             GeometricReport* report = nullptr);
 
 }  // namespace isoskin

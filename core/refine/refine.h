@@ -23,15 +23,15 @@ struct RefineReport {
   std::size_t quasi_critical = 0;  // new points that stayed on their edge because projection failed
 };
 
-/// vertices [0, mechanical vertex count) are the mechanical vertices, in order. Every vertex knows the mechanical
-/// triangle it lies in and its weights there (a corner: weight 1), so attributes carry through. mesh.vertices.rest and
-/// .velocity are interpolated; ids of new vertices are fresh but not persistent (from mesh.next_id on).
+/// The vertices of the mesh that was refined come first, in order. Every vertex knows the two it came between, and
+/// every triangle the one it came from, so attributes carry through. mesh.vertices.rest and .velocity are interpolated;
+/// ids of new vertices are fresh but not persistent (from mesh.next_id on).
 struct GeometricMesh {
   TriangleMesh mesh;
   std::vector<Vec3> normal;                       // outward unit field normals, one a vertex
-  std::vector<Index> parent_triangle;             // per geometric triangle: the mechanical triangle it came from
+  std::vector<Index> parent_triangle;             // per triangle: the one it came from
   std::vector<std::array<Index, 2>> parent_edge;  // per vertex: the two vertices (of this mesh) whose midpoint it was;
-                                                  // itself twice for a mechanical vertex
+                                                  // itself twice for one that was there before
 };
 
 /// Marks edges whose ends' normals differ by more than the angle, or tell (as those of a circle do) that the middle
@@ -43,8 +43,8 @@ struct GeometricMesh {
 GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                      const ProjectOptions& project, RefineReport* report = nullptr);
 
-/// Puts refined vertices within `radius` of a bad point back on the mechanical mesh (the middle of their parent edge),
-/// so that the surface there is the mechanical one; topology stays. Parents come before children, so one pass does.
+/// Puts refined vertices within `radius` of a bad point back on the mesh they came from (the middle of their parent
+/// edge), so that the surface there is that mesh's; topology stays. Parents come before children, so one pass does.
 void flatten(GeometricMesh& geometric, const std::vector<Vec3>& bad, float radius);
 
 }  // namespace isoskin

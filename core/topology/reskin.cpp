@@ -90,7 +90,8 @@ std::vector<std::uint8_t> whole_pieces(const Filling& filling, const Certificate
 /// Holes and patches that hang together by their seams, and what is to be done with them.
 class Groups {
 public:
-  Groups(const Holes& holes, const Patches& patches) : holes_(holes.count()), parent_(holes.count() + patches.count()) {
+  Groups(const Holes& holes, const Patches& patches, bool alike_only)
+      : holes_(holes.count()), alike_only_(alike_only), parent_(holes.count() + patches.count()) {
     std::iota(parent_.begin(), parent_.end(), Index(0));
     for (Index p = 0; p < patches.count(); ++p)
       for (const Index s : patches.seams[p])
@@ -121,7 +122,8 @@ public:
 
 private:
   bool replaced_group(Index g) const {
-    return !failed_[g] && (sure_[g] || holes_in_[g] != 1 || patches_in_[g] != 1 || euler_gained_[g] != 0);
+    const bool alike = holes_in_[g] == 1 && patches_in_[g] == 1 && euler_gained_[g] == 0;
+    return !failed_[g] && (alike_only_ ? alike && sure_[g] : sure_[g] || !alike);
   }
   Index root(Index i) const {
     while (parent_[i] != i) i = parent_[i];
@@ -133,6 +135,7 @@ private:
   }
 
   Index holes_;
+  bool alike_only_;
   std::vector<Index> parent_;  // holes, then patches
   std::vector<int> holes_in_, patches_in_, euler_gained_;
   std::vector<std::uint8_t> failed_, sure_;
@@ -167,7 +170,7 @@ Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vec
     if (seam.failed) grow(scene, seam, result);
   if (!result.grow_at.empty() && !last) return result;
 
-  Groups groups(holes, patches);
+  Groups groups(holes, patches, scene.options.alike_only);
   const std::vector<std::uint8_t> surely_hot = hot_vertices(scene, near_sure);
   for (Index t = 0; t < holes.of_triangle.size(); ++t)
     for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h)
@@ -178,7 +181,8 @@ Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vec
   const std::vector<std::uint8_t> whole =
       whole_pieces(filling, scene.certificate, near_points(filling.surface.position, near_bad), inside);
   for (Index t = 0; t < inside.size(); ++t)
-    inside[t] = whole[t] || (patches.of_triangle[t] != kNone && groups.replaces(patches.of_triangle[t]));
+    inside[t] = (whole[t] && !scene.options.alike_only) ||
+                (patches.of_triangle[t] != kNone && groups.replaces(patches.of_triangle[t]));
   std::vector<std::uint8_t> removed(scene.mesh.triangle_count());
   for (Index t = 0; t < removed.size(); ++t)
     removed[t] = holes.of_triangle[t] != kNone && groups.replaced(holes.of_triangle[t]);
@@ -237,7 +241,7 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
   mesh = std::move(tried.weld->mesh);
   report.area = area_of_new(mesh, report.first_new_vertex, report.triangles_added);
   traced("coarsen", [&] { coarsen(mesh, report.first_new_vertex, options); });
-  traced("carry", [&] { carry_attributes(mesh, report.first_new_vertex, old, backend); });
+  if (options.carry) traced("carry", [&] { carry_attributes(mesh, report.first_new_vertex, old, backend); });
   return report;
 }
 

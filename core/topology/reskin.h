@@ -18,7 +18,9 @@ struct ReskinOptions {
   double radius = 1.0;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
   double margin = 2.5;       // how far beyond the emptied region the lattice's surface is built, in units of e
   int growths = 4;           // times a hole whose seam fails is grown before it is given up
+  bool alike_only = false;   // only holes whose filling has the topology of what it fills: that of the mesh stays
   bool replace_all = false;  // all holes are filled anew, also those whose filling has the topology of what it fills
+  bool carry = true;         // rest and velocity of new vertices come from the old surface, else they are unset
   AlterOptions alter;        // how the lattice's triangles are coarsened to near e, vertices that stay left alone
   int collapse_passes = 3;   // calls of alter() for it
 };
@@ -30,7 +32,7 @@ struct ReskinReport {
   std::size_t holes_given_up = 0;  // their seams would not close; the mesh there is as it was
   std::size_t holes_alike = 0;     // left as they were because the lattice has the same topology there
   double area = 0.0;               // of the new triangles before they are coarsened, world units^2
-  Index first_new_vertex = 0;      // vertices from here on are new: age 1, rest and velocity from the old surface
+  Index first_new_vertex = 0;      // vertices from here on are new: age 1
 };
 
 /// Empties the neighbourhood of `sites` on the pieces that failed the certificate, cuts the lattice's surface along

@@ -1,0 +1,128 @@
+#include "core/refine/geometric_mesh.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "core/mesh/validate.h"
+#include "tests/analytic_fields.h"
+#include "tests/test_meshes.h"
+
+using namespace isoskin;
+
+namespace {
+
+constexpr double kEdge = 0.15;
+
+/// A ball of radius 1, and a thread of radius 0.1 from its centre to z = 1.8.
+class Thread final : public Field {
+public:
+  static constexpr double kRadius = 0.1, kTip = 1.8;
+  FieldSample sample(const DVec3& p) const override {
+    const DVec3 axis(0.0, 0.0, std::clamp(p.z, 0.0, kTip - kRadius));
+    const double ball = 1.0 - glm::length(p), thread = kRadius - glm::length(p - axis);
+    const DVec3 from = ball > thread ? p : p - axis;
+    return {std::max(ball, thread), -from / std::max(glm::length(from), 1e-9)};
+  }
+  Box bounds() const override { return {DVec3(-1.0), DVec3(1.0, 1.0, kTip)}; }
+  /// F is a distance: it changes no faster than the place.
+  Interval range(const Box& box) const override {
+    const double middle = value(box.center()), reach = 0.5 * box.diagonal();
+    return {middle - reach, middle + reach};
+  }
+};
+
+struct Made {
+  GeometricMesh mesh;
+  GeometricReport report;
+};
+
+Made make(const std::shared_ptr<const Field>& field, const TriangleMesh& mechanical, int fillings) {
+  const std::unique_ptr<Backend> backend = make_reference_backend();
+  backend->set_field(field);
+  const BrickLattice lattice = sample_lattice(*field, *backend, kEdge / 3.0);
+  GeometricOptions options;
+  options.refine.sagitta = 0.003f;
+  options.refine.shortest = float(kEdge / 3.0);
+  options.project = {1e-5f, float(0.5 * kEdge), 32, 32};
+  options.edge_length = kEdge;
+  options.certify.tolerance = 2.0 * kEdge / 3.0;
+  options.fillings = fillings;
+  Made made;
+  made.mesh = geometric_mesh(mechanical, *field, lattice, lattice_topology(lattice), *backend, options, &made.report);
+  return made;
+}
+
+double highest(const TriangleMesh& mesh) {
+  double z = -HUGE_VAL;
+  for (const Vec3& p : mesh.vertices.position) z = std::max(z, double(p.z));
+  return z;
+}
+
+void expect_on_surface(const GeometricMesh& made, const Field& field, double most) {
+  const ValidateReport valid = validate(made.mesh);
+  ASSERT_TRUE(valid) << valid.reason;
+  ASSERT_EQ(made.normal.size(), made.mesh.vertex_count());
+  double worst = 0.0;
+  for (const Vec3& p : made.mesh.vertices.position) worst = std::max(worst, field.distance_estimate(DVec3(p)));
+  EXPECT_LT(worst, most);
+}
+
+}  // namespace
+
+TEST(GeometricMesh, FollowsAThreadThatTheMechanicalMeshCutsShort) {
+  const auto field = std::make_shared<Thread>();
+  TriangleMesh skin = test_meshes::icosphere(3);  // the ball alone
+  for (std::size_t v = 0; v < skin.vertex_count(); ++v) {
+    skin.vertices.rest[v] = Vec3(1.0f, 2.0f, 3.0f) * skin.position(Index(v));
+    skin.vertices.velocity[v] = Vec3(0.0f, 0.0f, 5.0f);
+  }
+  const Made without = make(field, skin, 0);
+  EXPECT_GT(without.report.hidden, 10u);
+  EXPECT_LT(highest(without.mesh.mesh), 1.3);
+
+  const Made made = make(field, skin, 2);
+  expect_on_surface(made.mesh, *field, 0.01);
+  EXPECT_GE(made.report.fillings, 1);
+  EXPECT_EQ(made.report.still_hidden, 0u);
+  EXPECT_NEAR(highest(made.mesh.mesh), Thread::kTip, 0.01);
+  const MeshPieces pieces = mesh_pieces(made.mesh.mesh);
+  ASSERT_EQ(pieces.count(), 1u);
+  EXPECT_EQ(pieces.euler[0], 2);
+  // Far from the thread the mechanical vertices are there as they were; what is new has its attributes from nearby.
+  const VertexTable& table = made.mesh.mesh.vertices;
+  std::size_t kept = 0;
+  for (std::size_t v = 0; v < table.size(); ++v) {
+    EXPECT_NEAR(table.velocity[v].z, 5.0f, 1e-4f);
+    EXPECT_LT(glm::length(table.rest[v]), 3.01f);
+    if (table.id[v] >= skin.next_id) continue;
+    ++kept;
+    EXPECT_EQ(table.position[v], skin.position(table.id[v]));
+  }
+  EXPECT_GT(kept, skin.vertex_count() * 9 / 10);
+}
+
+TEST(GeometricMesh, NothingIsFilledWhereTheRefinedMeshShowsTheField) {
+  const auto field = std::make_shared<analytic::SphereField>();
+  const TriangleMesh skin = test_meshes::icosphere(3);
+  const Made made = make(field, skin, 2), without = make(field, skin, 0);
+  expect_on_surface(made.mesh, *field, 1e-4);
+  EXPECT_EQ(made.report.hidden, 0u);
+  EXPECT_EQ(made.report.fillings, 0);
+  EXPECT_EQ(made.mesh.mesh.vertex, without.mesh.mesh.vertex);
+}
+
+TEST(GeometricMesh, ADropletHasItsVolumeThoughItsMeshIsPressedFlat) {
+  constexpr double kRadius = 0.3;
+  const auto field = std::make_shared<analytic::SphereField>(DVec3(0.0), kRadius);
+  TriangleMesh skin = test_meshes::icosphere(1);
+  for (Vec3& p : skin.vertices.position) p = float(kRadius) * glm::normalize(Vec3(1.0f) + 0.3f * p);
+  const double volume = 4.0 / 3.0 * 3.14159265358979 * std::pow(kRadius, 3.0);
+  EXPECT_LT(mesh_pieces(make(field, skin, 0).mesh.mesh).volume[0], 0.5 * volume);
+  const Made made = make(field, skin, 2);
+  expect_on_surface(made.mesh, *field, 1e-3);
+  const MeshPieces pieces = mesh_pieces(made.mesh.mesh);
+  ASSERT_EQ(pieces.count(), 1u);
+  EXPECT_EQ(pieces.euler[0], 2);
+  EXPECT_NEAR(pieces.volume[0], volume, 0.05 * volume);
+}
