@@ -1,11 +1,15 @@
 // isoskin-bench: isoskin and OpenVDB's volumeToMesh interleaved in one process on the same frames; prints Markdown.
-//   isoskin-bench [--threads N] [--frames N] SEQUENCE...      (patterns, folders or scenes: what `isoskin track` takes)
-// Times exclude reading files. Medians over frames after the first, which has nothing to track yet.
+//   isoskin-bench [--threads N] [--frames N] [--repeat N] SEQUENCE...
+// A sequence is a pattern, a folder or a scene (what `isoskin track` takes), or made:NAME (perf/made_inputs.h). Times
+// exclude reading files; the column "with reading" does not. Medians over frames after the first, which has nothing to
+// track yet; with --repeat every frame is done so many times from the same state, in turns, and its median counts.
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -18,6 +22,7 @@
 #include "core/io/scene.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
+#include "perf/made_inputs.h"
 #include "perf/median.h"
 
 using namespace isoskin;
@@ -55,12 +60,19 @@ Cost cost_of(Function&& function) {
 
 /// One column of figures, one entry a frame.
 struct Series {
-  std::vector<double> wall, core, triangles, mean_angle, p1_angle, vertex_error, centroid_error;
+  std::vector<double> wall, core, with_reading, triangles, mean_angle, p1_angle, vertex_error, centroid_error;
 
-  void add(const Cost& cost, const TriangleMesh& mesh, const Field& field) {
+  /// Costs of one frame, all repetitions; `reading` in wall milliseconds.
+  void add(const std::vector<Cost>& costs, double reading, const TriangleMesh& mesh, const Field& field) {
     const ShapeStatistics shape = shape_statistics(mesh);
-    wall.push_back(cost.wall);
-    core.push_back(cost.core);
+    std::vector<double> walls, cores;
+    for (const Cost& cost : costs) {
+      walls.push_back(cost.wall);
+      cores.push_back(cost.core);
+    }
+    wall.push_back(median(walls));
+    core.push_back(median(cores));
+    with_reading.push_back(wall.back() + reading);
     triangles.push_back(double(mesh.triangle_count()));
     mean_angle.push_back(shape.mean_angle);
     p1_angle.push_back(shape.p1_angle);
@@ -81,8 +93,8 @@ struct Series {
     const double wall_median = median(wall);
     const auto [low, high] = std::minmax_element(wall.begin(), wall.end());
     return fmt::format(
-        "| {} | {} | {:.1f} ({:.1f}-{:.1f}) | {:.1f} | {:.0f} | {:.3f} | {:.1f} | {:.1f} | {:.4f} | {:.4f} |", input,
-        who, wall_median, *low, *high, median(core), median(triangles),
+        "| {} | {} | {:.1f} ({:.1f}-{:.1f}) | {:.1f} | {:.1f} | {:.0f} | {:.3f} | {:.1f} | {:.1f} | {:.4f} | {:.4f} |",
+        input, who, wall_median, *low, *high, median(core), median(with_reading), median(triangles),
         1e3 * median(core) / std::max(1.0, median(triangles)), median(mean_angle), median(p1_angle),
         median(vertex_error), median(centroid_error));
   }
@@ -114,39 +126,58 @@ struct Run {
   std::vector<std::string> step_order;
 };
 
-void run_sequence(const std::string& input, int frames) {
-  Scene scene = open_input(input);
-  std::unique_ptr<Tracker> tracker;
-  Run run;
-  const int first = scene.source->first_frame();
-  const int last = std::min(scene.source->last_frame(), first + frames);
-  for (int frame = first; frame <= last; ++frame) {
-    const FieldFrame moment = scene.source->load(frame);
-    if (!tracker) tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved({}, *moment.field));
+/// One frame, again and again from the state before it, isoskin and OpenVDB in turns; the tracker goes on from the
+/// last.
+void run_frame(const std::string& input, Scene& scene, int frame, int repeat, FieldFrame& last, Tracker& tracker,
+               Run& run) {
+  const TriangleMesh before = tracker.mechanical();
+  const auto critical_points = tracker.critical_points();
+  std::vector<Cost> own, peer;
+  double reading = 0.0, peer_reading = 0.0;
+  TriangleMesh mesh;
+  FieldFrame moment;
+  for (int i = 0; i < repeat; ++i) {
+    if (i > 0) tracker.resume(before, last, critical_points);
+    reading = cost_of([&] { moment = scene.source->load(frame); }).wall;
     FrameReport report;
-    const Cost cost = cost_of([&] { report = tracker->advance(moment); });
-    if (frame == first) continue;
-    run.geometric.add(cost, tracker->geometric().mesh, *moment.field);
+    own.push_back(cost_of([&] { report = tracker.advance(moment); }));
     for (const auto& [step, ms] : report.ms) {
       if (!run.step.count(step)) run.step_order.push_back(step);
       run.step[step].push_back(ms);
     }
-    if (input.find('%') != std::string::npos) {
-      char path[4096];
-      std::snprintf(path, sizeof path, input.c_str(), frame);
-      Cost peer;
-      const TriangleMesh mesh = mesh_by_openvdb(*read_float_grid(path), peer);
-      run.openvdb.add(peer, mesh, *moment.field);
-    }
+    if (input.find('%') == std::string::npos) continue;
+    char path[4096];
+    std::snprintf(path, sizeof path, input.c_str(), frame);
+    openvdb::FloatGrid::Ptr grid;
+    peer_reading = cost_of([&] { grid = read_float_grid(path); }).wall;
+    mesh = mesh_by_openvdb(*grid, peer.emplace_back());
   }
+  run.geometric.add(own, reading, tracker.geometric().mesh, *moment.field);
+  if (!peer.empty()) run.openvdb.add(peer, peer_reading, mesh, *moment.field);
+  last = moment;
+}
+
+void run_sequence(const std::string& input, int frames, int repeat) {
+  Scene scene = open_input(input);
+  Run run;
+  const int first = scene.source->first_frame();
+  const int end = std::min(scene.source->last_frame(), first + frames);
+  FieldFrame last = scene.source->load(first);
+  TrackOptions options;
+  if (scene.meshing.edge_length) options.edge_length = *scene.meshing.edge_length;
+  options.sagitta = scene.meshing.sagitta;
+  Tracker tracker(make_opencl_backend(), resolved(options, *last.field));
+  tracker.advance(last);
+  for (int frame = first + 1; frame <= end; ++frame) run_frame(input, scene, frame, repeat, last, tracker, run);
   if (run.geometric.wall.empty()) return;
   const std::string name = scene.source->name();
   std::puts(run.geometric.row(name, "isoskin, geometric").c_str());
   if (!run.openvdb.wall.empty()) {
     std::puts(run.openvdb.row(name, "volumeToMesh").c_str());
-    std::puts(fmt::format("| {} | ratio | {:.2f} | {:.2f} | | | | | | |", name,
+    std::puts(fmt::format("| {} | ratio | {:.2f} | {:.2f} | {:.2f} | | | | | | |", name,
                           median(run.geometric.wall) / median(run.openvdb.wall),
-                          median(run.geometric.core) / median(run.openvdb.core))
+                          median(run.geometric.core) / median(run.openvdb.core),
+                          median(run.geometric.with_reading) / median(run.openvdb.with_reading))
                   .c_str());
   }
   std::string steps;
@@ -154,34 +185,71 @@ void run_sequence(const std::string& input, int frames) {
   std::fprintf(stderr, "%s: median ms by step:%s; peak %.0f MiB so far\n", name.c_str(), steps.c_str(), peak_mib());
 }
 
+/// Frames of made:NAME live in a folder of their own until the run is over.
+class MadeFolder {
+public:
+  MadeFolder() : path_(std::filesystem::temp_directory_path() / fmt::format("isoskin-bench-{}", getpid())) {}
+  ~MadeFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  MadeFolder(const MadeFolder&) = delete;
+  MadeFolder& operator=(const MadeFolder&) = delete;
+
+  std::string make(const std::string& name, int frames) {
+    std::filesystem::create_directories(path_);
+    return perf::make_input(name, path_, frames);
+  }
+
+private:
+  std::filesystem::path path_;
+};
+
+int usage() {
+  std::string names;
+  for (const std::string& name : perf::made_inputs()) names += " made:" + name;
+  std::fprintf(
+      stderr,
+      "isoskin-bench: expected [--threads N] [--frames N] [--repeat N] SEQUENCE...; a sequence may be one of%s\n",
+      names.c_str());
+  return 2;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  int threads = 4, frames = 20;
+  int threads = 4, frames = 20, repeat = 1;
+  const std::map<std::string, int*> numbers{{"--threads", &threads}, {"--frames", &frames}, {"--repeat", &repeat}};
   std::vector<std::string> inputs;
   for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    if ((word == "--threads" || word == "--frames") && i + 1 < argc)
-      (word == "--threads" ? threads : frames) = std::atoi(argv[++i]);
+    const auto number = numbers.find(argv[i]);
+    if (number != numbers.end() && i + 1 < argc)
+      *number->second = std::atoi(argv[++i]);
     else
-      inputs.push_back(word);
+      inputs.emplace_back(argv[i]);
   }
-  if (inputs.empty() || threads < 1 || frames < 1) {
-    std::fprintf(stderr, "isoskin-bench: expected [--threads N] [--frames N] SEQUENCE...\n");
-    return 2;
-  }
+  if (inputs.empty() || threads < 1 || frames < 1 || repeat < 1) return usage();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(threads));
   openvdb::initialize();
-  std::printf("%d threads; medians over frames, milliseconds; errors in voxels (grids) or mean edges (skeletons)\n\n",
-              threads);
+  std::printf(
+      "%d threads, %d repetitions of a frame; medians over frames, milliseconds; errors in voxels (grids) or mean "
+      "edges "
+      "(skeletons)\n\n",
+      threads, repeat);
   std::puts(
-      "| input | who | wall (least-most) | core | triangles | core-us a triangle | angle mean | angle p1 | vertex "
-      "error | centroid error |");
-  std::puts("|---|---|---|---|---|---|---|---|---|---|");
+      "| input | who | wall (least-most) | core | wall with reading | triangles | core-us a triangle | angle mean | "
+      "angle p1 | vertex error | centroid error |");
+  std::puts("|---|---|---|---|---|---|---|---|---|---|---|");
+  MadeFolder made;
+  constexpr std::string_view kMade = "made:";
   try {
-    for (const std::string& input : inputs) run_sequence(input, frames);
+    for (const std::string& input : inputs)
+      run_sequence(input.starts_with(kMade) ? made.make(input.substr(kMade.size()), frames) : input, frames, repeat);
   } catch (const InputError& error) {
     std::fprintf(stderr, "isoskin-bench: %s\n", error.what());
     return 2;
+  } catch (const std::invalid_argument& error) {
+    std::fprintf(stderr, "isoskin-bench: %s\n", error.what());
+    return usage();
   }
 }

@@ -83,6 +83,15 @@ FloatRange tap_range(const BrickGrid& grid, std::size_t brick, const IVec3& low,
   const IVec3 first = low + lead(grid), last = high + lead(grid) + support(grid) - 1;
   const float* taps = grid.tap.data() + brick * BrickGrid::kTapValues;
   FloatRange range;
+  if (first == IVec3(0) && last == IVec3(kTaps - 1)) {
+    float least = taps[0], most = taps[0];
+    for (int i = 1; i < BrickGrid::kTapValues; ++i) {
+      least = taps[i] < least ? taps[i] : least;
+      most = taps[i] > most ? taps[i] : most;
+    }
+    range.add({least, most});
+    return range;
+  }
   for (int x = first.x; x <= last.x; ++x) {
     for (int y = first.y; y <= last.y; ++y) {
       const auto [least, most] =

@@ -8,7 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "core/parallel.h"
+#include <tbb/parallel_for.h>
+
 #include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
@@ -270,13 +271,14 @@ void change_sides(BrickLattice& lattice, const IVec3& corner) {
 
 std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field) {
   std::vector<std::vector<HiddenEdge>> found(lattice.brick_count());
-  for_each_index(found.size(), [&](std::size_t b) { find_hidden(lattice, field, b, found[b]); });
+  tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t b) { find_hidden(lattice, field, b, found[b]); });
   std::vector<HiddenEdge> edges;
   for (const auto& f : found) edges.insert(edges.end(), f.begin(), f.end());
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   std::vector<std::optional<int>> euler(edges.size());
-  for_each_index(edges.size(), [&](std::size_t i) { euler[i] = untold_euler(lattice, field, edges[i]); });
+  tbb::parallel_for(std::size_t(0), edges.size(),
+                    [&](std::size_t i) { euler[i] = untold_euler(lattice, field, edges[i]); });
   std::size_t count = 0;
   for (std::size_t i = 0; i < edges.size(); ++i) {  // one after another: each sees what those before have changed
     if (!euler[i]) continue;
