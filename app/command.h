@@ -16,6 +16,8 @@ using Action = std::function<int()>;
 
 void add_track(CLI::App& app, Action& action);
 void add_extract(CLI::App& app, Action& action);
+void add_seeds(CLI::App& app, Action& action);
+void add_collide(CLI::App& app, Action& action);
 void add_render(CLI::App& app, Action& action);
 void add_compare(CLI::App& app, Action& action);
 void add_check(CLI::App& app, Action& action);

@@ -37,6 +37,8 @@ int run(int argc, char** argv) {
   Action action;
   add_track(app, action);
   add_extract(app, action);
+  add_seeds(app, action);
+  add_collide(app, action);
   add_render(app, action);
   add_compare(app, action);
   add_check(app, action);

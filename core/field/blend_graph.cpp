@@ -76,7 +76,8 @@ std::vector<std::vector<Index>> blend_groups(std::size_t elements, const std::ve
 }
 
 BlendGraphField::BlendGraphField(const std::vector<SkeletonElement>& elements, double iso,
-                                 const std::vector<std::vector<Index>>& groups) {
+                                 const std::vector<std::vector<Index>>& groups)
+    : elements_(elements) {
   if (groups.empty()) throw InputError("skeleton: expected at least one group of elements");
   for (const std::vector<Index>& group : groups) {
     std::vector<SkeletonElement> members;

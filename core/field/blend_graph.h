@@ -36,8 +36,10 @@ public:
   bool is_c2() const override { return false; }
 
   const std::vector<SkeletonField>& groups() const { return groups_; }
+  const std::vector<SkeletonElement>& elements() const { return elements_; }
 
 private:
+  std::vector<SkeletonElement> elements_;
   std::vector<SkeletonField> groups_;
 };
 

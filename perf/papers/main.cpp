@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
         fmt::gmtime(std::time(nullptr)), load[0]);
     papers::add_particles(page);
     papers::add_spring_lattice(page);
+    papers::add_seeds(page);
     papers::add_skins(page);
     write_file_atomically(file, page.text);
   } catch (const std::exception& error) {
