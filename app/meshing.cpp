@@ -27,7 +27,7 @@ void add_meshing_options(CLI::App& command, MeshingOptions& options) {
   command.add_option("--passes", options.passes, "Refinement passes, at most (default: 4)");
   command.add_option("--sagitta", options.sagitta,
                      "Refine what lies farther beside the surface, world units, 0: by angle alone (default: 0.04 "
-                     "voxels or 0.003 edge lengths at 18 degrees, else as the angle's square)");
+                     "voxels or 0.0027 edge lengths at 18 degrees, else as the angle's square)");
   command.add_option("--mechanics", options.mechanics, "Elements of the skin")
       ->check(CLI::IsMember({"fem", "springs"}))
       ->capture_default_str();

@@ -123,7 +123,7 @@ std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certif
 /// Seen along the surface what lies beside it looks several times as far off: so much keeps 99 % of depths within 0.25
 /// voxels or 0.02 e at 18 degrees. A chord's sagitta grows with the square of its angle.
 double default_sagitta(double angle, double voxel, double edge_length) {
-  constexpr double kVoxels = 0.04, kEdges = 0.003, kAngle = 18.0;
+  constexpr double kVoxels = 0.04, kEdges = 0.0027, kAngle = 18.0;
   return (voxel > 0.0 ? kVoxels * voxel : kEdges * edge_length) * std::pow(angle / kAngle, 2.0);
 }
 

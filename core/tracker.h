@@ -32,7 +32,7 @@ struct TrackOptions {
   double lattice_spacing = 0.0;   // s of the certificate; 0: half a voxel, or e / 2
   double tolerance = 0.0;         // corners farther than this must be on the right side; 0: one voxel, or e / 2
   std::optional<double> sagitta;  // of the geometric mesh, world units, 0: by angle alone; none: 0.04 voxels or
-                                  // 0.003 e at 18 degrees, else as the square of the angle
+                                  // 0.0027 e at 18 degrees, else as the square of the angle
   int rounds = 2;                 // alter + relax rounds of a frame
   int most_parts = 8;             // parts a frame is cut in where topology events are too near to each other
   Topology topology = Topology::automatic;

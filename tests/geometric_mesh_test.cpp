@@ -78,7 +78,7 @@ TEST(GeometricMesh, FollowsAThreadThatTheMechanicalMeshCutsShort) {
     skin.vertices.velocity[v] = Vec3(0.0f, 0.0f, 5.0f);
   }
   const Made without = make(field, skin, 0);
-  EXPECT_GT(without.report.hidden, 10u);
+  EXPECT_GT(without.report.still_hidden, 10u);
   EXPECT_LT(highest(without.mesh.mesh), 1.3);
 
   const Made made = make(field, skin, 2);

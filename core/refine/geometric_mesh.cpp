@@ -73,25 +73,26 @@ public:
         backend_(backend),
         options_(options),
         tolerance_(options.certify.tolerance) {
-    look();
-    report_.hidden = hidden_.size();
+    start();
   }
 
-  /// Fills hidden places anew; false where there are none or it fails.
-  bool fill() {
-    if (hidden_.empty()) return false;
+  /// Fills hidden places anew until that is done, it fails, or it has been tried often enough.
+  void fill() {
     const Span span("fill");
-    TriangleMesh skin;
-    const auto filled = [&](bool alike_only) {
-      skin = this->skin();
-      return fill(skin, alike_only);
-    };
-    // A handle may hide in a fold elsewhere; then the right one must not come in its place.
-    if (!filled(false) && !filled(true)) return false;
-    skin_ = std::move(skin);
-    ++report_.fillings;
-    look();
-    return true;
+    bool complete = false;
+    while (report_.fillings < options_.fillings && !complete) {
+      const std::vector<Vec3> hidden = hidden_places();
+      if (report_.fillings == 0) report_.hidden = hidden.size();
+      if (hidden.empty()) return;
+      // A handle may hide in a fold elsewhere; then the right one must not come in its place.
+      std::optional<Filled> filled = fill(hidden, false);
+      if (!filled) filled = fill(hidden, true);
+      if (!filled) return;
+      complete = filled->complete;
+      skin_ = std::move(filled->skin);
+      ++report_.fillings;
+      start();
+    }
   }
 
   /// All other passes.
@@ -122,26 +123,38 @@ public:
   }
 
   GeometricMesh finish(GeometricReport* report) {
-    report_.still_hidden = hidden_.size();
-    if (report) *report = report_;
+    if (report) {
+      report_.still_hidden = hidden_places().size();
+      *report = report_;
+    }
     return std::move(mesh_);
   }
 
 private:
-  /// One pass shows what more passes would not.
-  void look() {
+  struct Filled {
+    TriangleMesh skin;
+    bool complete = false;  // no place was left out
+  };
+
+  /// The first pass. What it does not show more passes would not.
+  void start() {
     RefineOptions options = options_.refine;
     options.passes = std::min(options.passes, 1);
     mesh_ = refine(skin(), backend_, options, options_.project, &report_.refine);
-    const Span span("look");
-    hidden_ = wrong_corners(mesh_.mesh, field_, lattice_, options_.hidden_corner * tolerance_);
-    const std::vector<Vec3> strays = stray_centroids(mesh_.mesh, field_, backend_, options_.hidden_centre * tolerance_);
-    hidden_.insert(hidden_.end(), strays.begin(), strays.end());
   }
 
-  bool fill(TriangleMesh& skin, bool alike_only) const {
+  std::vector<Vec3> hidden_places() const {
+    const Span span("look");
+    std::vector<Vec3> hidden = wrong_corners(mesh_.mesh, field_, lattice_, options_.hidden_corner * tolerance_);
+    const std::vector<Vec3> strays = stray_centroids(mesh_.mesh, field_, backend_, options_.hidden_centre * tolerance_);
+    hidden.insert(hidden.end(), strays.begin(), strays.end());
+    return hidden;
+  }
+
+  std::optional<Filled> fill(const std::vector<Vec3>& hidden, bool alike_only) const {
+    TriangleMesh skin = this->skin();
     BadSites sites;
-    for (const Vec3& place : hidden_) sites.add(place, true);
+    for (const Vec3& place : hidden) sites.add(place, true);
     const MeshPieces pieces = mesh_pieces(skin);
     const Certificate to_be_filled = judge(skin, pieces, sites);
     ReskinOptions options;
@@ -153,11 +166,11 @@ private:
     options.collapse_passes = 0;  // as fine as the lattice: coarser triangles would cut short what they are here for
     options.carry = false;
     const ReskinReport done = reskin(skin, pieces, to_be_filled, sites, lattice_, topology_, backend_, options);
-    if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
+    if (done.triangles_added == 0 && done.triangles_removed == 0) return std::nullopt;
     backend_.project(std::span(skin.vertices.position).subspan(done.first_new_vertex), options_.project, {});
-    if (!certify(skin, mesh_pieces(skin), field_, lattice_, topology_, options_.certify).passed) return false;
+    if (!certify(skin, mesh_pieces(skin), field_, lattice_, topology_, options_.certify).passed) return std::nullopt;
     carry_attributes(skin, done.first_new_vertex, part_about(sites.point), backend_);
-    return true;
+    return Filled{std::move(skin), !alike_only && done.holes_given_up == 0};
   }
 
   /// Which pieces may be touched. A small one near a site is replaced whole: all of it becomes one.
@@ -211,7 +224,6 @@ private:
   const double tolerance_;
   std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
   GeometricMesh mesh_;                // refined from it
-  std::vector<Vec3> hidden_;          // places that it does not show
   GeometricReport report_;
 };
 
@@ -221,8 +233,7 @@ GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field,
                              const LatticeTopology& topology, Backend& backend, const GeometricOptions& options,
                              GeometricReport* report) {
   Making making(mechanical, field, lattice, topology, backend, options);
-  for (int filling = 0; filling < options.fillings && making.fill(); ++filling) {
-  }
+  if (options.refine.passes > 0) making.fill();
   making.refine_on();
   making.take_back();
   return making.finish(report);

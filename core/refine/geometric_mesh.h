@@ -20,14 +20,14 @@ struct GeometricOptions {
   double hidden_corner = 0.15, hidden_centre = 0.25;
   double radius = 1.0;  // triangles of the mechanical mesh nearer than this to such a place are replaced, units of e
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
-  int fillings = 2;               // times this is tried, at most; 0: never
+  int fillings = 2;               // times this is done, the second only where the first left places out; 0: never
 };
 
 struct GeometricReport {
-  RefineReport refine;           // of the mesh with its fillings
-  int fillings = 0;              // that were kept
-  std::size_t hidden = 0;        // places that the mechanical mesh does not show
-  std::size_t still_hidden = 0;  // and that its fillings do not
+  RefineReport refine;     // of the mesh with its fillings
+  int fillings = 0;        // that were kept
+  std::size_t hidden = 0;  // places that one pass over the mechanical mesh does not show; not known without fillings
+  std::size_t still_hidden = 0;  // places that the result does not show
 };
 
 /// Refines a certified mechanical mesh. A tip or rim that has grown out of it, a thread that it cuts short and a sheet
