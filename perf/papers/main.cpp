@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
     papers::add_spring_lattice(page);
     papers::add_seeds(page);
     papers::add_skins(page);
+    papers::add_rumiano(page);
     write_file_atomically(file, page.text);
   } catch (const std::exception& error) {
     fmt::print(stderr, "isoskin-papers: {}\n", error.what());

@@ -32,6 +32,7 @@ Image wire_picture(const TriangleMesh& mesh, const Box& box, const DVec3& from, 
 void add_particles(Page& page);       // Figueiredo et al. 1992, figures 3 and 4
 void add_spring_lattice(Page& page);  // figures 5 to 7
 void add_seeds(Page& page);           // Desbrun et al. 1995, figures 3, 4, 7 and 8
+void add_rumiano(Page& page);         // Rumiano 2007, figure 13 and edge swaps
 void add_skins(Page& page);           // Nesme-Bouthors 2006 tables 2 and 3, Bouthors-Nesme 2007 table 2
 
 }  // namespace isoskin::papers
