@@ -1,7 +1,10 @@
 #include "core/topology/columns.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
+#include <span>
 #include <stdexcept>
 #include <tuple>
 
@@ -42,33 +45,26 @@ std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice
   return out;
 }
 
+/// An edge from p to q seen from the columns of one x after another.
 template <class Wide>
-struct Side {
-  Wide value;  // twice the signed area of p, q and the column
-  int sign;    // of it, once the column has moved by (eps, eps^2)
+class Side {
+public:
+  Side(const Rounded& p, const Rounded& q) : ux_(q.x - p.x), uy_(q.y - p.y), px_(p.x), py_(p.y) {
+    const Wide decides = uy_ != 0 ? -uy_ : ux_;
+    tie_ = decides > 0 ? 1 : decides < 0 ? -1 : 0;
+  }
+  void move_to(std::int64_t x) { across_ = uy_ * (x - px_); }
+
+  /// Twice the signed area of p, q and the column.
+  Wide value(std::int64_t y) const { return ux_ * (y - py_) - across_; }
+  /// Of a value, once the column has moved by (eps, eps^2).
+  int sign(Wide value) const { return value > 0 ? 1 : value < 0 ? -1 : tie_; }
+
+private:
+  Wide ux_, uy_, across_ = 0;
+  std::int64_t px_, py_;
+  int tie_;
 };
-
-template <class Wide>
-Side<Wide> side(const Rounded& p, const Rounded& q, std::int64_t x, std::int64_t y) {
-  const Wide ux = q.x - p.x, uy = q.y - p.y;
-  const Wide value = ux * (y - p.y) - uy * (x - p.x);
-  const Wide decides = value != 0 ? value : uy != 0 ? -uy : ux;
-  return {value, decides > 0 ? 1 : decides < 0 ? -1 : 0};
-}
-
-/// Does column (x, y) go through the triangle? Then z is where, and the result is the step of the winding number.
-template <class Wide>
-int cross(const Rounded& a, const Rounded& b, const Rounded& c, std::int64_t x, std::int64_t y, double& z) {
-  const Side<Wide> sa = side<Wide>(b, c, x, y), sb = side<Wide>(c, a, x, y);
-  if (sa.sign == 0 || sa.sign != sb.sign) return 0;
-  const Side<Wide> sc = side<Wide>(a, b, x, y);
-  if (sc.sign != sa.sign) return 0;
-  const double wa = static_cast<double>(sa.value), wb = static_cast<double>(sb.value),
-               wc = static_cast<double>(sc.value);
-  z = std::clamp((wa * a.z + wb * b.z + wc * c.z) / (wa + wb + wc), std::min({a.z, b.z, c.z}),
-                 std::max({a.z, b.z, c.z}));
-  return -sa.sign;
-}
 
 std::int64_t ceil_corner(std::int64_t v) {
   return (v + (std::int64_t{1} << kFraction) - 1) >> kFraction;
@@ -88,6 +84,30 @@ void add(std::vector<Found>& out, int x, int y, const ColumnCrossing& crossing) 
     }
 }
 
+/// Columns x0..x1, y0..y1 through the triangle.
+template <class Wide>
+void cross(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle, const glm::ivec2& low,
+           const glm::ivec2& high, std::vector<Found>& out) {
+  Side<Wide> bc(b, c), ca(c, a), ab(a, b);
+  const double lowest = std::min({a.z, b.z, c.z}), highest = std::max({a.z, b.z, c.z});
+  for (int x = low.x; x <= high.x; ++x) {
+    for (Side<Wide>* side : {&bc, &ca, &ab}) side->move_to(std::int64_t{x} << kFraction);
+    for (int y = low.y; y <= high.y; ++y) {
+      const std::int64_t py = std::int64_t{y} << kFraction;
+      const Wide sa = bc.value(py), sb = ca.value(py), sc = ab.value(py);
+      const int sign = bc.sign(sa);
+      if (sign == 0 || sign != ca.sign(sb) || sign != ab.sign(sc)) continue;
+      const double wa = static_cast<double>(sa), wb = static_cast<double>(sb), wc = static_cast<double>(sc);
+      const double z = std::clamp((wa * a.z + wb * b.z + wc * c.z) / (wa + wb + wc), lowest, highest);
+      ColumnCrossing crossing;
+      crossing.first = static_cast<std::int32_t>(std::ceil(z));
+      crossing.step = static_cast<std::int8_t>(-sign);  // of the winding number
+      crossing.triangle = triangle;
+      add(out, x, y, crossing);
+    }
+  }
+}
+
 void cross_triangle(const TriangleMesh& mesh, const std::vector<Rounded>& vertex, Index triangle,
                     std::vector<Found>& out) {
   const Rounded &a = vertex[mesh.vertex[3 * triangle]], &b = vertex[mesh.vertex[3 * triangle + 1]],
@@ -95,23 +115,27 @@ void cross_triangle(const TriangleMesh& mesh, const std::vector<Rounded>& vertex
   const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
   const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
   const bool small = x1 - x0 < kShortSpan && y1 - y0 < kShortSpan;
-  for (std::int64_t x = ceil_corner(x0); x <= floor_corner(x1); ++x)
-    for (std::int64_t y = ceil_corner(y0); y <= floor_corner(y1); ++y) {
-      double z = 0.0;
-      const std::int64_t px = x << kFraction, py = y << kFraction;
-      const int step = small ? cross<std::int64_t>(a, b, c, px, py, z) : cross<__int128>(a, b, c, px, py, z);
-      if (step == 0) continue;
-      ColumnCrossing crossing;
-      crossing.first = static_cast<std::int32_t>(std::ceil(z));
-      crossing.step = static_cast<std::int8_t>(step);
-      crossing.triangle = triangle;
-      add(out, static_cast<int>(x), static_cast<int>(y), crossing);
-    }
+  const glm::ivec2 low(ceil_corner(x0), ceil_corner(y0)), high(floor_corner(x1), floor_corner(y1));
+  if (small)
+    cross<std::int64_t>(a, b, c, triangle, low, high, out);
+  else
+    cross<__int128>(a, b, c, triangle, low, high, out);
 }
 
-/// Sorts by row, then by first.
-std::int64_t place_in_column(const ColumnCrossing& c) {
-  return (std::int64_t{c.row} << 33) + c.first;
+/// Sorts by row, then by first; those alike in both stay in order.
+void sort_column(std::span<ColumnCrossing> column) {
+  const auto sooner = [](const ColumnCrossing& a, const ColumnCrossing& b) { return a.first < b.first; };
+  std::array<Index, kCorners * kCorners + 1> slot{};
+  for (const ColumnCrossing& c : column) ++slot[c.row + 1];
+  std::partial_sum(slot.begin(), slot.end(), slot.begin());
+  const std::vector<ColumnCrossing> unsorted(column.begin(), column.end());
+  for (const ColumnCrossing& c : unsorted) column[slot[c.row]++] = c;
+  for (std::size_t begin = 0; begin < column.size();) {
+    const std::size_t end = slot[column[begin].row];  // which has moved to the row's end
+    if (!std::is_sorted(column.begin() + begin, column.begin() + end, sooner))
+      std::stable_sort(column.begin() + begin, column.begin() + end, sooner);
+    begin = end;
+  }
 }
 
 /// Brick columns: those of the lattice, in order, then the others in which crossings were found.
@@ -156,7 +180,7 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice)
   });
   const BrickLattice index = list_columns(lattice, found, out);
 
-  // A counting sort by column. Its chunks are scattered in order, so only the rows within a column need sorting.
+  // A counting sort by column. Its chunks are scattered in order, so a column has its triangles in order.
   std::vector<std::vector<Index>> where(found.size());
   tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t k) {
     where[k].resize(found[k].size());
@@ -173,11 +197,7 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice)
   for (std::size_t k = 0; k < found.size(); ++k)
     for (std::size_t i = 0; i < found[k].size(); ++i) out.crossing[slot[where[k][i]]++] = found[k][i].crossing;
   tbb::parallel_for(std::size_t{0}, out.column.size(), [&](std::size_t c) {
-    std::sort(out.crossing.begin() + out.first[c], out.crossing.begin() + out.first[c + 1],
-              [](const ColumnCrossing& a, const ColumnCrossing& b) {
-                const std::int64_t at_a = place_in_column(a), at_b = place_in_column(b);
-                return at_a != at_b ? at_a < at_b : a.triangle < b.triangle;
-              });
+    sort_column(std::span(out.crossing).subspan(out.first[c], out.first[c + 1] - out.first[c]));
   });
   return out;
 }
