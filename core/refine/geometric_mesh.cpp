@@ -61,6 +61,16 @@ std::vector<Vec3> stray_centroids(const TriangleMesh& mesh, const Field& field, 
   return strays;
 }
 
+/// Orders points along the longest axis of their bounds; returns the middle one.
+std::vector<Vec3>::iterator halve(std::vector<Vec3>& points) {
+  Box box;
+  for (const Vec3& p : points) box.add(DVec3(p));
+  const DVec3 size = box.size();
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  std::stable_sort(points.begin(), points.end(), [&](const Vec3& a, const Vec3& b) { return a[axis] < b[axis]; });
+  return points.begin() + std::ptrdiff_t(points.size() / 2);
+}
+
 /// The geometric mesh in the making.
 class Making {
 public:
@@ -76,20 +86,14 @@ public:
     start();
   }
 
-  /// Fills hidden places anew until that is done, it fails, or it has been tried often enough.
+  /// Fills hidden places anew until none is left out, or it has been done often enough.
   void fill() {
     const Span span("fill");
-    bool complete = false;
-    while (report_.fillings < options_.fillings && !complete) {
+    for (bool left_out = true; left_out && report_.fillings < options_.fillings;) {
       const std::vector<Vec3> hidden = hidden_places();
       if (report_.fillings == 0) report_.hidden = hidden.size();
       if (hidden.empty()) return;
-      // A handle may hide in a fold elsewhere; then the right one must not come in its place.
-      std::optional<Filled> filled = fill(hidden, false);
-      if (!filled) filled = fill(hidden, true);
-      if (!filled) return;
-      complete = filled->complete;
-      skin_ = std::move(filled->skin);
+      left_out = !fill(hidden, report_.fillings);
       ++report_.fillings;
       start();
     }
@@ -151,7 +155,23 @@ private:
     return hidden;
   }
 
-  std::optional<Filled> fill(const std::vector<Vec3>& hidden, bool alike_only) const {
+  /// Fills the places, halved so many times, part after part. Whether no place was left out.
+  bool fill(std::vector<Vec3> hidden, int halvings) {
+    if (halvings > 0 && hidden.size() > 1) {
+      const auto middle = halve(hidden);
+      const bool first = fill({hidden.begin(), middle}, halvings - 1);
+      const bool second = fill({middle, hidden.end()}, halvings - 1);
+      return first && second;
+    }
+    std::optional<Filled> filled = filled_anew(hidden, false);
+    // A handle may hide in a fold elsewhere; then the right one must not come in its place.
+    if (!filled) filled = filled_anew(hidden, true);
+    if (!filled) return false;
+    skin_ = std::move(filled->skin);
+    return filled->complete;
+  }
+
+  std::optional<Filled> filled_anew(const std::vector<Vec3>& hidden, bool alike_only) const {
     TriangleMesh skin = this->skin();
     BadSites sites;
     for (const Vec3& place : hidden) sites.add(place, true);

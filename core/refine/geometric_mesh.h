@@ -20,7 +20,9 @@ struct GeometricOptions {
   double hidden_corner = 0.15, hidden_centre = 0.25;
   double radius = 1.0;  // triangles of the mechanical mesh nearer than this to such a place are replaced, units of e
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
-  int fillings = 2;               // times this is done, the second only where the first left places out; 0: never
+  // Times this is done, each after the first only where the one before left places out; 0: never. Each takes the places
+  // in twice as many parts as the last, since one seam that does not close keeps all of a part open.
+  int fillings = 3;
 };
 
 struct GeometricReport {
