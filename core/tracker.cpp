@@ -402,15 +402,9 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
-  // First only where the topology differs, then about all that looks odd, then farther about it.
-  struct Try {
-    bool replace_all;
-    double widened;  // the radius about a bad site, in usual ones
-  };
-  for (const Try& t : {Try{false, 1.0}, Try{true, 1.0}, Try{true, 1.5}, Try{true, 2.5}}) {
+  for (const ReskinTry& how : options_.repairs) {
     if (!started_ || evidence.certificate.passed) break;
-    reskin(frame, evidence, t.replace_all, t.widened, report);
-    certify(frame, evidence, report);
+    if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
   }
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
   for (const float coarsening : {1.0f, 0.5f, 0.0f}) {
@@ -440,8 +434,8 @@ CertifyOptions Tracker::certify_options() const {
   return options;
 }
 
-void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, double widened,
-                     FrameReport& report) {
+/// Whether it changed the mesh.
+bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
   BadSiteOptions bad_options = options_.sites;
@@ -449,17 +443,19 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool rep
   BadSites sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice),
                                   *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
-  if (sites.point.empty()) return;
+  if (sites.point.empty()) return false;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
-  reskin_options.replace_all = replace_all;
-  reskin_options.radius *= widened;
+  reskin_options.replace_all = how.replace_all;
+  reskin_options.suspects_only = how.suspects_only;
+  reskin_options.growths = std::min(reskin_options.growths, how.growths);
+  reskin_options.radius *= how.widened;
   reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
   const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
                                             evidence.topology, *backend_, reskin_options);
-  if (done.triangles_added == 0 && done.triangles_removed == 0) return;
+  if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
   report.reextracted[1] += share_of_area(done.area);
   report.repairs += 1;
   settle_new_skin(first_new);
@@ -467,6 +463,7 @@ void Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, bool rep
   for (const Vec3& p : sites.point) box.add(DVec3(p));
   ledger_.push_back({frame.frame, frame.time, "reskin", 2, box.center(), before - done.first_new_vertex,
                      std::chrono::duration<double, std::milli>(Clock::now() - begin).count()});
+  return true;
 }
 
 /// What reskin() made and its surroundings become near-equilateral; the rest of the mesh is not touched.

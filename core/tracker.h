@@ -27,6 +27,14 @@ enum class Topology {
   collision,  // where sheets of the mesh collide and where vertices find no surface
 };
 
+/// One of the local repairs that are tried in turn until the certificate passes.
+struct ReskinTry {
+  bool suspects_only = false;  // see ReskinOptions
+  bool replace_all = false;    // see ReskinOptions
+  double widened = 1.0;        // the radius about a bad site, in those of ReskinOptions
+  int growths = 4;             // at most
+};
+
 struct TrackOptions {
   double edge_length = 0.0;       // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
   double lattice_spacing = 0.0;   // s of the certificate; 0: half a voxel, or e / 2
@@ -42,10 +50,20 @@ struct TrackOptions {
   RelaxOptions relax;               // of fresh skin; edge_length is filled in
   // The skin that follows: one step of 14 iterations leaves the angles that two of 10 each leave.
   int follow_steps = 1, follow_iterations = 14;
-  ProjectOptions project;         // tolerance and max_step are filled in: 1e-4 e and e / 2
-  SettleOptions settle;           // how a freshly extracted surface becomes near-equilateral
-  BadSiteOptions sites;           // where local repairs are made; tolerance is filled in
-  ReskinOptions reskin;           // local repair; edge_length and alter are filled in
+  ProjectOptions project;  // tolerance and max_step are filled in: 1e-4 e and e / 2
+  SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
+  BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
+  ReskinOptions reskin;    // local repair; edge_length and alter are filled in
+  // Small holes first, what goes well is kept; then where their seams failed; then about all that looks odd, farther
+  // and farther, where the topology differs; at last whatever looks odd is replaced.
+  std::vector<ReskinTry> repairs{{.suspects_only = true, .growths = 0},
+                                 {.suspects_only = true, .growths = 2},
+                                 {},
+                                 {.widened = 1.5},
+                                 {.widened = 2.5},
+                                 {.replace_all = true},
+                                 {.replace_all = true, .widened = 1.5},
+                                 {.replace_all = true, .widened = 2.5}};
   std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
   int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
   int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
@@ -140,7 +158,7 @@ private:
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
-  void reskin(const FieldFrame& frame, const Evidence& evidence, bool replace_all, double widened, FrameReport& report);
+  bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report);
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;

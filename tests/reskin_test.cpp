@@ -86,8 +86,9 @@ struct GoodSkin {
   }
 
   /// Repairs as if the one piece had failed.
-  ReskinReport repair(TriangleMesh& of, const BadSites& sites, bool replace_all = false) {
+  ReskinReport repair(TriangleMesh& of, const BadSites& sites, bool replace_all = false, bool suspects_only = false) {
     ReskinOptions reskin_options;
+    reskin_options.suspects_only = suspects_only;
     reskin_options.edge_length = options.edge_length;
     reskin_options.replace_all = replace_all;
     reskin_options.alter = options.alter;
@@ -105,6 +106,22 @@ std::map<Index, Vec3> places(const TriangleMesh& mesh) {
   std::map<Index, Vec3> out;
   for (Index v = 0; v < mesh.vertex_count(); ++v) out[mesh.vertices.id[v]] = mesh.position(v);
   return out;
+}
+
+/// Where a damaged skin is not the good one; nothing about it is sure.
+BadSites suspects_of(const GoodSkin& skin, const TriangleMesh& mesh) {
+  const std::map<Index, Vec3> old = places(skin.mesh);
+  BadSites sites;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (!old.count(mesh.vertices.id[v]) || old.at(mesh.vertices.id[v]) != mesh.position(v))
+      sites.add(mesh.position(v), false);
+  std::map<std::pair<Index, Index>, int> edges;
+  for (Index h = 0; h < skin.mesh.vertex.size(); ++h)
+    ++edges[{skin.mesh.vertices.id[skin.mesh.from(h)], skin.mesh.vertices.id[skin.mesh.to(h)]}];
+  for (Index h = 0; h < mesh.vertex.size(); ++h)
+    if (!edges.count({mesh.vertices.id[mesh.from(h)], mesh.vertices.id[mesh.to(h)]}))
+      sites.add(mesh.position(mesh.from(h)), false);
+  return sites;
 }
 
 }  // namespace
@@ -166,20 +183,27 @@ TEST(Reskin, ReplacesASuspectHandle) {
   damage::Random random(5);
   TriangleMesh mesh = damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length));
   ASSERT_NE(mesh_pieces(mesh).euler, std::vector<int>{2});
-  const std::map<Index, Vec3> old = places(skin.mesh);
-  BadSites sites;
-  for (Index v = 0; v < mesh.vertex_count(); ++v)
-    if (!old.count(mesh.vertices.id[v]) || old.at(mesh.vertices.id[v]) != mesh.position(v))
-      sites.add(mesh.position(v), false);
-  std::map<std::pair<Index, Index>, int> edges;
-  for (Index h = 0; h < skin.mesh.vertex.size(); ++h)
-    ++edges[{skin.mesh.vertices.id[skin.mesh.from(h)], skin.mesh.vertices.id[skin.mesh.to(h)]}];
-  for (Index h = 0; h < mesh.vertex.size(); ++h)
-    if (!edges.count({mesh.vertices.id[mesh.from(h)], mesh.vertices.id[mesh.to(h)]}))
-      sites.add(mesh.position(mesh.from(h)), false);
+  const BadSites sites = suspects_of(skin, mesh);
   ASSERT_FALSE(sites.point.empty());
   const ReskinReport report = skin.repair(mesh, sites);
   EXPECT_GT(report.triangles_removed, 0u);
   EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
   EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+}
+
+TEST(Reskin, LeavesOddPlacesAloneWhereNoSeamFails) {
+  GoodSkin skin;
+  BadSites sites;
+  sites.add(skin.mesh.position(10), false);
+  for (const Vec3& p : skin.mesh.vertices.position) sites.add(p, false, true);  // as rough as a surface can be
+  for (const bool suspects_only : {false, true}) {
+    TriangleMesh mesh = skin.mesh;
+    const ReskinReport report = skin.repair(mesh, sites, true, suspects_only);
+    EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+    if (suspects_only)
+      EXPECT_LT(report.triangles_removed, 40u);
+    else
+      EXPECT_EQ(report.triangles_removed, skin.mesh.triangle_count());
+    EXPECT_GT(report.triangles_removed, 3u);
+  }
 }

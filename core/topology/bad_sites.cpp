@@ -205,7 +205,7 @@ void add_strays(const std::vector<Vec3>& points, double share, const FarCorners&
   const Samples samples(points, backend);
   for (std::size_t i = 0; i < points.size(); ++i)
     if (!(samples.distance(i) <= share * options.tolerance))
-      sites.add(points[i], far.is_far(samples.value[i], samples.slope[i]));
+      sites.add(points[i], far.is_far(samples.value[i], samples.slope[i]), true);
 }
 
 }  // namespace
@@ -236,21 +236,21 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     runs.emplace_back(i, j);
   }
   const Sides sides(lattice, winding);
-  std::vector<std::uint8_t> bad(corners.size(), 0), sure(corners.size(), 0);
+  std::vector<std::uint8_t> bad(corners.size(), 0), sure(corners.size(), 0), suspect(corners.size(), 0);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t r) {
     const auto [begin, end] = runs[r];
     std::vector<IVec3> members;
     for (std::size_t i = begin; i < end; ++i) members.push_back(corners[order[i]].at);
-    for (const Index i : peel(members, sides)) bad[order[begin + i]] = 1;
+    for (const Index i : peel(members, sides)) suspect[order[begin + i]] = 1;
     for (std::size_t i = begin; i < end; ++i) {
       const Index c = order[i];
       const std::int8_t times = winding[corners[c].slot];
       sure[c] = far.is_far(samples.value[c], samples.slope[c]);
-      bad[c] |= sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
+      bad[c] = suspect[c] || sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }
   });
   for (const Index c : order)
-    if (bad[c]) sites.add(points[c], sure[c] != 0);
+    if (bad[c]) sites.add(points[c], sure[c] != 0, !suspect[c]);
   add_strays(mesh.vertices.position, options.stray_vertex, far, backend, options, sites);
   add_strays(centroids_of(mesh), options.stray_centre, far, backend, options, sites);
   return sites;

@@ -19,10 +19,13 @@ struct BadSites {
   std::vector<Vec3> point;         // in a fixed order
   std::vector<std::uint8_t> sure;  // per point: it is off the surface or on the wrong side by more than the tolerance;
                                    // the others may turn out to have the topology of the field
+  std::vector<std::uint8_t> odd;   // per point: nothing there says that the topology differs; rough fields have such
+                                   // places on every good mesh
 
-  void add(const Vec3& p, bool is_sure) {
+  void add(const Vec3& p, bool is_sure, bool is_odd = false) {
     point.push_back(p);
     sure.push_back(is_sure);
+    odd.push_back(is_odd && !is_sure);
   }
 };
 

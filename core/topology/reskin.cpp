@@ -201,6 +201,16 @@ Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vec
   return result;
 }
 
+/// Moves the points nearer than `radius` to one of `places` from one list to the other.
+void take_near(const std::vector<Vec3>& places, float radius, std::vector<Vec3>& from, std::vector<Vec3>& to) {
+  const PointGrid near(places, radius);
+  std::erase_if(from, [&](const Vec3& p) {
+    const bool taken = near.any_near(p);
+    if (taken) to.push_back(p);
+    return taken;
+  });
+}
+
 /// The lattice has several times as many triangles as wanted.
 void coarsen(TriangleMesh& mesh, Index first_new, const ReskinOptions& options) {
   const std::vector<std::uint8_t> frozen(first_new, 1);
@@ -224,14 +234,17 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options) {
   const Scene scene{mesh, pieces, certificate, lattice, topology, backend, options};
-  std::vector<Vec3> bad = sites.point, sure;
-  for (std::size_t i = 0; i < bad.size(); ++i)
-    if (options.replace_all || sites.sure[i]) sure.push_back(bad[i]);
+  std::vector<Vec3> bad, sure, left_alone;
+  for (std::size_t i = 0; i < sites.point.size(); ++i) {
+    (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);
+    if (options.replace_all || sites.sure[i]) sure.push_back(sites.point[i]);
+  }
   Attempt tried;
   for (int growth = 0; growth <= options.growths && !bad.empty(); ++growth) {
     tried = attempt(scene, bad, sure, growth == options.growths);
     if (tried.weld || tried.grow_at.empty()) break;
     bad.insert(bad.end(), tried.grow_at.begin(), tried.grow_at.end());
+    take_near(tried.grow_at, float(options.spread * options.edge_length), left_alone, bad);
   }
   if (!tried.weld)
     return {.holes_given_up = tried.report.holes_given_up, .first_new_vertex = Index(mesh.vertex_count())};

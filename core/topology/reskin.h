@@ -14,15 +14,17 @@
 namespace isoskin {
 
 struct ReskinOptions {
-  double edge_length = 1.0;  // e, world units
-  double radius = 1.0;       // triangles with a vertex nearer than this to a bad site are replaced, in units of e
-  double margin = 2.5;       // how far beyond the emptied region the lattice's surface is built, in units of e
-  int growths = 4;           // times a hole whose seam fails is grown before it is given up
-  bool alike_only = false;   // only holes whose filling has the topology of what it fills: that of the mesh stays
-  bool replace_all = false;  // all holes are filled anew, also those whose filling has the topology of what it fills
-  bool carry = true;         // rest and velocity of new vertices come from the old surface, else they are unset
-  AlterOptions alter;        // how the lattice's triangles are coarsened to near e, vertices that stay left alone
-  int collapse_passes = 3;   // calls of alter() for it
+  double edge_length = 1.0;    // e, world units
+  double radius = 1.0;         // triangles with a vertex nearer than this to a bad site are replaced, in units of e
+  double margin = 2.5;         // how far beyond the emptied region the lattice's surface is built, in units of e
+  int growths = 4;             // times a hole whose seam fails is grown before it is given up
+  bool suspects_only = false;  // odd sites are left alone until a seam nearer than `spread` fails
+  double spread = 3.0;         // units of e
+  bool alike_only = false;     // only holes whose filling has the topology of what it fills: that of the mesh stays
+  bool replace_all = false;    // all holes are filled anew, also those whose filling has the topology of what it fills
+  bool carry = true;           // rest and velocity of new vertices come from the old surface, else they are unset
+  AlterOptions alter;          // how the lattice's triangles are coarsened to near e, vertices that stay left alone
+  int collapse_passes = 3;     // calls of alter() for it
 };
 
 struct ReskinReport {
