@@ -70,7 +70,8 @@ std::string write_metaballs(const std::filesystem::path& folder, int count) {
   constexpr double kApart = 0.6, kRadius = 0.7;
   const std::filesystem::path path = folder / "metaballs1000.toml";
   std::ofstream out(path);
-  out << fmt::format("frames = [1, {}]\ndt = 0.04\niso = 0.2\n", count) << "[meshing]\nedge_length = 0.12\nsagitta = 0.0\n";
+  out << fmt::format("frames = [1, {}]\ndt = 0.04\niso = 0.2\n", count)
+      << "[meshing]\nedge_length = 0.12\nsagitta = 0.0\n";
   for (int i = 0; i < kAcross * kAcross / 2 * kLayers; ++i) {
     const int x = i / (kLayers * kAcross / 2), y = i / kLayers % (kAcross / 2), z = i % kLayers;
     const double px = kApart * x, py = 2.0 * kApart * y + (x % 2) * kApart, pz = kApart * z;
