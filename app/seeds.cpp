@@ -44,7 +44,7 @@ struct Sown {
     const Scene scene = open_frames(input, {number, number});
     frame = scene.source->load(number.value_or(scene.source->first_frame()));
     field = frame.field;
-    const SkeletonParts parts = skeleton_parts(*field);
+    const SkeletonParts parts = skeleton_parts(*field, input.input);
     const double diagonal = field->bounds().diagonal();
     SeedOptions seed_options;
     if (spacing) {

@@ -162,6 +162,20 @@ TEST_F(Program, unknown_options_and_values) {
   expect_refused({}, {});
 }
 
+TEST_F(Program, bad_starts_extractions_and_seeds) {
+  write_grid(folder_ / "sphere.vdb", sphere());
+  const std::string balls = file("balls.toml"), mesh = file("x.ply");
+  test::write_text(folder_ / "cut.ply", "ply\nformat binary_little_endian 1.0\n");
+  expect_refused(track(balls, {"--start", file("nothing.ply")}), {"nothing.ply"});
+  expect_refused(track(balls, {"--start", file("cut.ply")}), {"cut.ply"});
+  expect_refused({"extract", balls, "--method", "magic", "-o", mesh}, {"magic", "particles"});
+  expect_refused({"extract", file("nothing.vdb"), "-o", mesh}, {"nothing.vdb"});
+  expect_refused({"seeds", file("sphere.vdb"), "-o", mesh}, {"sphere.vdb", "[[element]]"});
+  expect_refused({"seeds", balls, "--spacing", "0", "-o", mesh}, {"--spacing", "expected"});
+  expect_refused({"collide", balls, file("sphere.vdb")}, {"sphere.vdb", "[[element]]"});
+  EXPECT_FALSE(fs::exists(mesh));
+}
+
 TEST_F(Program, bad_frame_range) {
   for (const char* range : {"5:2", "1-3", "a:b", "", ":x", "0:3", "1:99", "40:50", "1:2:3"}) {
     SCOPED_TRACE(range);

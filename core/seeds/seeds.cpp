@@ -56,12 +56,12 @@ double thickness_of(const SkeletonElement& element, double iso) {
 
 }  // namespace
 
-SkeletonParts skeleton_parts(const Field& field) {
+SkeletonParts skeleton_parts(const Field& field, const std::string& name) {
   if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field))
     return {&skeleton->elements(), skeleton->iso()};
   if (const auto* blend = dynamic_cast<const BlendGraphField*>(&field))
     return {&blend->elements(), blend->groups().front().iso()};
-  throw InputError("seeds: not made of skeleton elements; expected a scene with [[element]]");
+  throw InputError(name + ": not made of skeleton elements; expected a scene with [[element]]");
 }
 
 /// A regular grid on the surface of the element's box, inflated by its thickness: closed, outward.

@@ -2,6 +2,7 @@
 // 1995, sections 2, 3 and 5).
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "core/backend.h"
@@ -22,12 +23,13 @@ struct SeedReport {
   std::size_t evaluations = 0;  // of the whole field
 };
 
-/// What a field is made of. Throws InputError for a field that is not made of skeleton elements.
+/// What a field is made of. Throws InputError, beginning with `name`, for a field that is not made of skeleton
+/// elements.
 struct SkeletonParts {
   const std::vector<SkeletonElement>* elements;
   double iso;
 };
-SkeletonParts skeleton_parts(const Field& field);
+SkeletonParts skeleton_parts(const Field& field, const std::string& name = "seeds");
 
 /// The seeds of all elements. A seed is a distance on its axis, which starts on the element and is fixed in its frame:
 /// a rigid motion moves seeds without any evaluation. Elements that grow or shrink get new ones, so that density stays.
