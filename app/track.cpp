@@ -75,11 +75,9 @@ std::optional<Interpolation> grid_interpolation(const InputOptions& input) {
   return input.interpolation == "linear" ? Interpolation::linear : Interpolation::cubic;
 }
 
-/// The mesh that a run begins with, when it is not the tracker's own: a file's, or one that a method makes.
-std::optional<TriangleMesh> start_mesh(const std::string& start, const std::shared_ptr<const Field>& field,
-                                       Backend& backend, const TrackOptions& options) {
-  if (start.empty()) return std::nullopt;
-  if (const auto method = extract_method(start)) return extract_surface(field, backend, {*method, options}).mesh;
+/// The mesh of the file that a run begins with; nothing when --start names none.
+std::optional<TriangleMesh> start_file(const std::string& start) {
+  if (start.empty() || extract_method(start)) return std::nullopt;
   PlyMesh file = read_ply(start);
   if (!file.closed) throw InputError(fmt::format("--start {}: {}; expected a closed mesh", start, file.open_reason));
   return std::move(file.mesh);
@@ -130,10 +128,12 @@ int run(const TrackCommand& command) {
   TrackOptions options = track_options(command.meshing, scene.meshing, *frame.field);
   options.validate = command.validate;
   options.self_intersections = command.self_intersections;
+  std::optional<TriangleMesh> start;
+  if (!command.resume) start = start_file(command.start);
   cold_start.wait(command.quiet || command.json);
   std::unique_ptr<Backend> backend = make_backend(command.backend, trace::enabled());
-  std::optional<TriangleMesh> start;
-  if (!command.resume) start = start_mesh(command.start, frame.field, *backend, options);
+  if (const auto method = extract_method(command.start); method && !command.resume)
+    start = extract_surface(frame.field, *backend, {*method, options}).mesh;
   RunFolder folder(command.folder, scene.source->name(), {!command.no_mechanical, !command.no_geometric},
                    deciding_options(command, options, *scene.source, *frame.field, backend->name()));
   Tracker tracker(std::move(backend), options);

@@ -2,6 +2,10 @@
 list(APPEND CMAKE_MODULE_PATH /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/cmake/OpenVDB)
 
 find_package(Threads REQUIRED)
+if(ISOSKIN_PEERS)  # before TBB: VTK finds it its own way
+  find_package(VTK REQUIRED COMPONENTS CommonCore CommonDataModel FiltersCore)
+  find_package(CGAL REQUIRED)
+endif()
 find_package(TBB REQUIRED)
 find_package(OpenVDB REQUIRED COMPONENTS openvdb)
 find_package(OpenCL REQUIRED)

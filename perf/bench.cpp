@@ -1,9 +1,14 @@
-// isoskin-bench: isoskin and OpenVDB's volumeToMesh interleaved in one process on the same frames; prints Markdown.
-//   isoskin-bench [--threads N] [--frames N] [--repeat N] SEQUENCE...
+// isoskin-bench: isoskin and other meshers (perf/peers.h) interleaved in one process on the same frames; prints
+// Markdown.
+//   isoskin-bench [--threads N] [--frames N] [--repeat N] [--only WHO] SEQUENCE...
 // A sequence is a pattern, a folder or a scene (what `isoskin track` takes), or made:NAME (perf/made_inputs.h). Times
-// exclude reading files; the column "with reading" does not. Medians over frames after the first, which has nothing to
-// track yet; with --repeat every frame is done so many times from the same state, in turns, and its median counts.
+// exclude reading and writing files; "end to end" is wall time with both. Medians over frames after the first, which
+// has nothing to track yet; every frame is done --repeat times from the same state, in turns, and its median counts.
+// Peak memory is of further processes that run one mesher alone (--only).
+#include <fcntl.h>
+#include <spawn.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,14 +21,15 @@
 
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
-#include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/global_control.h>
 
+#include "core/io/ply.h"
 #include "core/io/scene.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
 #include "perf/made_inputs.h"
 #include "perf/median.h"
+#include "perf/peers.h"
 
 using namespace isoskin;
 using perf::median;
@@ -39,12 +45,6 @@ double cpu_ms() {
   return ms(usage.ru_utime) + ms(usage.ru_stime);
 }
 
-double peak_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return double(usage.ru_maxrss) / 1024.0;
-}
-
 /// Wall and core time of a call, milliseconds.
 struct Cost {
   double wall = 0, core = 0;
@@ -58,13 +58,12 @@ Cost cost_of(Function&& function) {
   return {std::chrono::duration<double, std::milli>(Clock::now() - begin).count(), cpu_ms() - core};
 }
 
-/// One column of figures, one entry a frame.
+/// What one mesher's frames came to, one entry a frame.
 struct Series {
-  std::vector<double> wall, core, with_reading, triangles, mean_angle, p1_angle, vertex_error, centroid_error;
+  std::vector<double> wall, core, end_to_end, triangles, mean_angle, p1_angle, vertex_error, centroid_error;
 
-  /// Costs of one frame, all repetitions; `reading` in wall milliseconds.
-  void add(const std::vector<Cost>& costs, double reading, const TriangleMesh& mesh, const Field& field) {
-    const ShapeStatistics shape = shape_statistics(mesh);
+  /// Costs of one frame, all repetitions; `files`: wall milliseconds of reading and writing.
+  void add(const std::vector<Cost>& costs, double files) {
     std::vector<double> walls, cores;
     for (const Cost& cost : costs) {
       walls.push_back(cost.wall);
@@ -72,7 +71,11 @@ struct Series {
     }
     wall.push_back(median(walls));
     core.push_back(median(cores));
-    with_reading.push_back(wall.back() + reading);
+    end_to_end.push_back(wall.back() + files);
+  }
+
+  void add(const TriangleMesh& mesh, const Field& field) {
+    const ShapeStatistics shape = shape_statistics(mesh);
     triangles.push_back(double(mesh.triangle_count()));
     mean_angle.push_back(shape.mean_angle);
     p1_angle.push_back(shape.p1_angle);
@@ -89,162 +92,267 @@ struct Series {
     centroid_error.push_back(at_centroids / std::max<double>(1.0, double(mesh.triangle_count())) / unit);
   }
 
-  std::string row(const std::string& input, const char* who) const {
-    const double wall_median = median(wall);
-    const auto [low, high] = std::minmax_element(wall.begin(), wall.end());
-    return fmt::format(
-        "| {} | {} | {:.1f} ({:.1f}-{:.1f}) | {:.1f} | {:.1f} | {:.0f} | {:.3f} | {:.1f} | {:.1f} | {:.4f} | {:.4f} |",
-        input, who, wall_median, *low, *high, median(core), median(with_reading), median(triangles),
-        1e3 * median(core) / std::max(1.0, median(triangles)), median(mean_angle), median(p1_angle),
-        median(vertex_error), median(centroid_error));
-  }
-};
-
-TriangleMesh mesh_by_openvdb(const openvdb::FloatGrid& grid, Cost& cost) {
-  std::vector<openvdb::Vec3s> points;
-  std::vector<openvdb::Vec3I> triangles;
-  std::vector<openvdb::Vec4I> quads;
-  cost = cost_of([&] { openvdb::tools::volumeToMesh(grid, points, triangles, quads, 0.0, 0.0); });
-  TriangleMesh mesh;  // only positions and corners: what shape_statistics reads. OpenVDB winds clockwise.
-  for (const auto& p : points) mesh.vertices.position.emplace_back(p.x(), p.y(), p.z());
-  for (const auto& t : triangles) mesh.vertex.insert(mesh.vertex.end(), {t[2], t[1], t[0]});
-  for (const auto& q : quads) mesh.vertex.insert(mesh.vertex.end(), {q[2], q[1], q[0], q[3], q[2], q[0]});
-  return mesh;
-}
-
-openvdb::FloatGrid::Ptr read_float_grid(const std::string& path) {
-  openvdb::io::File file(path);
-  file.open();
-  for (auto name = file.beginName(); name != file.endName(); ++name)
-    if (auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid(*name))) return grid;
-  return nullptr;
-}
-
-struct Run {
-  Series geometric, openvdb;
-  std::map<std::string, std::vector<double>> step;
-  std::vector<std::string> step_order;
-};
-
-/// One frame, again and again from the state before it, isoskin and OpenVDB in turns; the tracker goes on from the
-/// last.
-void run_frame(const std::string& input, Scene& scene, int frame, int repeat, FieldFrame& last, Tracker& tracker,
-               Run& run) {
-  const TriangleMesh before = tracker.mechanical();
-  const auto critical_points = tracker.critical_points();
-  std::vector<Cost> own, peer;
-  double reading = 0.0, peer_reading = 0.0;
-  TriangleMesh mesh;
-  FieldFrame moment;
-  for (int i = 0; i < repeat; ++i) {
-    if (i > 0) tracker.resume(before, last, critical_points);
-    reading = cost_of([&] { moment = scene.source->load(frame); }).wall;
-    FrameReport report;
-    own.push_back(cost_of([&] { report = tracker.advance(moment); }));
-    for (const auto& [step, ms] : report.ms) {
-      if (!run.step.count(step)) run.step_order.push_back(step);
-      run.step[step].push_back(ms);
+  std::string row(const std::string& input, const std::string& who) const {
+    std::string times = "| | ";
+    if (!wall.empty()) {
+      const auto [low, high] = std::minmax_element(wall.begin(), wall.end());
+      times = fmt::format("{:.1f} ({:.1f}-{:.1f}) | {:.1f} | {:.1f}", median(wall), *low, *high, median(core),
+                          median(end_to_end));
     }
-    if (input.find('%') == std::string::npos) continue;
-    char path[4096];
-    std::snprintf(path, sizeof path, input.c_str(), frame);
-    openvdb::FloatGrid::Ptr grid;
-    peer_reading = cost_of([&] { grid = read_float_grid(path); }).wall;
-    mesh = mesh_by_openvdb(*grid, peer.emplace_back());
+    const double each = core.empty() ? 0.0 : 1e3 * median(core) / std::max(1.0, median(triangles));
+    return fmt::format("| {} | {} | {} | {:.0f} | {} | {:.1f} ({:.1f}) | {:.1f} ({:.1f}) | {:.4f} | {:.4f} |", input,
+                       who, times, median(triangles), core.empty() ? "" : fmt::format("{:.3f}", each),
+                       median(mean_angle), *std::min_element(mean_angle.begin(), mean_angle.end()), median(p1_angle),
+                       *std::min_element(p1_angle.begin(), p1_angle.end()), median(vertex_error),
+                       median(centroid_error));
   }
-  run.geometric.add(own, reading, tracker.geometric().mesh, *moment.field);
-  if (!peer.empty()) run.openvdb.add(peer, peer_reading, mesh, *moment.field);
-  last = moment;
-}
+};
 
-void run_sequence(const std::string& input, int frames, int repeat) {
-  Scene scene = open_input(input);
-  Run run;
-  const int first = scene.source->first_frame();
-  const int end = std::min(scene.source->last_frame(), first + frames);
-  FieldFrame last = scene.source->load(first);
-  TrackOptions options;
-  if (scene.meshing.edge_length) options.edge_length = *scene.meshing.edge_length;
-  options.sagitta = scene.meshing.sagitta;
-  Tracker tracker(make_opencl_backend(), resolved(options, *last.field));
-  tracker.advance(last);
-  for (int frame = first + 1; frame <= end; ++frame) run_frame(input, scene, frame, repeat, last, tracker, run);
-  if (run.geometric.wall.empty()) return;
-  const std::string name = scene.source->name();
-  std::puts(run.geometric.row(name, "isoskin, geometric").c_str());
-  if (!run.openvdb.wall.empty()) {
-    std::puts(run.openvdb.row(name, "volumeToMesh").c_str());
-    std::puts(fmt::format("| {} | ratio | {:.2f} | {:.2f} | {:.2f} | | | | | | |", name,
-                          median(run.geometric.wall) / median(run.openvdb.wall),
-                          median(run.geometric.core) / median(run.openvdb.core),
-                          median(run.geometric.with_reading) / median(run.openvdb.with_reading))
-                  .c_str());
-  }
-  std::string steps;
-  for (const std::string& step : run.step_order) steps += fmt::format(" {} {:.1f}", step, median(run.step[step]));
-  std::fprintf(stderr, "%s: median ms by step:%s; peak %.0f MiB so far\n", name.c_str(), steps.c_str(), peak_mib());
-}
+constexpr const char* kIsoskin = "isoskin";
 
-/// Frames of made:NAME live in a folder of their own until the run is over.
-class MadeFolder {
+struct Options {
+  int threads = 4, frames = 20, repeat = 9;
+  std::string only;  // one mesher's name; empty: all
+};
+
+/// A sequence and its meshers, with what they came to.
+class Bench {
 public:
-  MadeFolder() : path_(std::filesystem::temp_directory_path() / fmt::format("isoskin-bench-{}", getpid())) {}
-  ~MadeFolder() {
+  Bench(std::string input, const Options& options, std::filesystem::path folder)
+      : input_(std::move(input)), options_(options), folder_(std::move(folder)), scene_(open_input(input_)) {
+    if (input_.find('%') == std::string::npos) return;  // a scene: no grid for others to mesh
+    for (perf::Peer& peer : perf::peers())
+      if (options.only.empty() || options.only == peer.name) peers_.push_back({.peer = std::move(peer)});
+  }
+
+  void run() {
+    const int first = scene_.source->first_frame();
+    const int end = std::min(scene_.source->last_frame(), first + options_.frames);
+    last_ = scene_.source->load(first);
+    TrackOptions options;
+    if (scene_.meshing.edge_length) options.edge_length = *scene_.meshing.edge_length;
+    options.sagitta = scene_.meshing.sagitta;
+    Tracker tracker(make_opencl_backend(), resolved(options, *last_.field));
+    const bool own = options_.only.empty() || options_.only == kIsoskin;
+    if (own) tracker.advance(last_);
+    for (int frame = first + 1; frame <= end; ++frame) {
+      if (own) before_ = tracker.mechanical();
+      critical_points_ = tracker.critical_points();
+      std::vector<Cost> costs;
+      for (auto& peer : peers_) peer.costs.clear();
+      double files = 0.0;
+      FieldFrame moment;
+      for (int i = 0; i < options_.repeat; ++i) {
+        if (own) files = own_frame(frame, i, tracker, moment, costs);
+        for (auto& peer : peers_) peer_frame(peer, frame, tracker.options().edge_length);
+      }
+      if (!own) moment = scene_.source->load(frame);
+      if (own) {
+        geometric_.add(costs, files);
+        geometric_.add(tracker.geometric().mesh, *moment.field);
+        mechanical_.add(tracker.mechanical(), *moment.field);
+      }
+      for (auto& peer : peers_) {
+        peer.series.add(peer.costs, peer.files);
+        peer.series.add(peer.mesh, *moment.field);
+      }
+      last_ = moment;
+    }
+  }
+
+  void print() const {
+    const std::string name = scene_.source->name();
+    if (!geometric_.wall.empty()) {
+      std::puts(geometric_.row(name, "isoskin, geometric").c_str());
+      std::puts(mechanical_.row(name, "isoskin, mechanical").c_str());
+    }
+    for (const auto& peer : peers_) {
+      std::puts(peer.series.row(name, peer.peer.name).c_str());
+      if (!geometric_.wall.empty())
+        std::puts(fmt::format("| {} | isoskin's share of it | {:.2f} | {:.2f} | {:.2f} | | | | | | |", name,
+                              median(geometric_.wall) / median(peer.series.wall),
+                              median(geometric_.core) / median(peer.series.core),
+                              median(geometric_.end_to_end) / median(peer.series.end_to_end))
+                      .c_str());
+    }
+    std::fflush(stdout);
+    std::string steps;
+    for (const std::string& step : step_order_) steps += fmt::format(" {} {:.1f}", step, median(step_.at(step)));
+    if (!steps.empty()) std::fprintf(stderr, "%s: median ms by step:%s\n", name.c_str(), steps.c_str());
+  }
+
+  std::string name() const { return scene_.source->name(); }
+  std::vector<std::string> meshers() const {
+    std::vector<std::string> names{kIsoskin};
+    for (const auto& peer : peers_) names.push_back(peer.peer.name);
+    return names;
+  }
+
+private:
+  struct Contender {
+    perf::Peer peer;
+    Series series{};
+    std::vector<Cost> costs{};
+    double files = 0.0;
+    TriangleMesh mesh{};
+  };
+
+  /// One frame from the state before it; what its files took.
+  double own_frame(int frame, int repetition, Tracker& tracker, FieldFrame& moment, std::vector<Cost>& costs) {
+    if (repetition > 0) tracker.resume(before_, last_, critical_points_);
+    const double reading = cost_of([&] { moment = scene_.source->load(frame); }).wall;
+    FrameReport report;
+    costs.push_back(cost_of([&] { report = tracker.advance(moment); }));
+    for (const auto& [step, ms] : report.ms) {
+      if (!step_.count(step)) step_order_.push_back(step);
+      step_[step].push_back(ms);
+    }
+    const double writing = cost_of([&] {
+                             write_ply(folder_ / "mechanical.ply", tracker.mechanical(), tracker.mechanical_normals());
+                             write_ply(folder_ / "geometric.ply", tracker.geometric().mesh, tracker.geometric().normal);
+                           }).wall;
+    return reading + writing;
+  }
+
+  void peer_frame(Contender& contender, int frame, double edge) const {
+    char path[4096];
+    std::snprintf(path, sizeof path, input_.c_str(), frame);
+    openvdb::FloatGrid::Ptr grid;
+    const double reading = cost_of([&] { grid = perf::read_float_grid(path); }).wall;
+    Cost total;
+    contender.mesh = contender.peer.mesh(*grid, edge, [&](const std::function<void()>& work) {
+      const Cost cost = cost_of(work);
+      total.wall += cost.wall;
+      total.core += cost.core;
+    });
+    contender.costs.push_back(total);
+    const double writing = cost_of([&] { write_ply(folder_ / "peer.ply", contender.mesh, {}); }).wall;
+    contender.files = reading + writing;
+  }
+
+  std::string input_;
+  Options options_;
+  std::filesystem::path folder_;
+  Scene scene_;
+  std::vector<Contender> peers_;
+  Series geometric_, mechanical_;
+  FieldFrame last_;
+  TriangleMesh before_;
+  std::optional<std::vector<DVec3>> critical_points_;
+  std::map<std::string, std::vector<double>> step_;
+  std::vector<std::string> step_order_;
+};
+
+/// MiB that a process needs at most which runs this mesher alone, once a frame.
+double peak_alone(const std::string& input, const Options& options, const std::string& who) {
+  std::vector<std::string> words{"isoskin-bench",
+                                 "--threads",
+                                 std::to_string(options.threads),
+                                 "--frames",
+                                 std::to_string(options.frames),
+                                 "--repeat",
+                                 "1",
+                                 "--only",
+                                 who,
+                                 input};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t quiet;
+  posix_spawn_file_actions_init(&quiet);
+  posix_spawn_file_actions_addopen(&quiet, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addopen(&quiet, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  pid_t child = 0;
+  const int failed = posix_spawn(&child, "/proc/self/exe", &quiet, nullptr, arguments.data(), environ);
+  posix_spawn_file_actions_destroy(&quiet);
+  int status = 0;
+  rusage usage{};
+  if (failed || wait4(child, &status, 0, &usage) < 0 || status != 0)
+    throw InputError("isoskin-bench --only " + who + ": failed; expected it to run as it did beside the others");
+  return double(usage.ru_maxrss) / 1024.0;
+}
+
+/// Files live in a folder of their own until the run is over.
+class WorkFolder {
+public:
+  WorkFolder() : path_(std::filesystem::temp_directory_path() / fmt::format("isoskin-bench-{}", getpid())) {
+    std::filesystem::create_directories(path_);
+  }
+  ~WorkFolder() {
     std::error_code ignored;
     std::filesystem::remove_all(path_, ignored);
   }
-  MadeFolder(const MadeFolder&) = delete;
-  MadeFolder& operator=(const MadeFolder&) = delete;
+  WorkFolder(const WorkFolder&) = delete;
+  WorkFolder& operator=(const WorkFolder&) = delete;
 
-  std::string make(const std::string& name, int frames) {
-    std::filesystem::create_directories(path_);
-    return perf::make_input(name, path_, frames);
-  }
+  std::string make(const std::string& name, int frames) const { return perf::make_input(name, path_, frames); }
+  const std::filesystem::path& path() const { return path_; }
 
 private:
   std::filesystem::path path_;
 };
 
 int usage() {
-  std::string names;
+  std::string names, meshers = kIsoskin;
   for (const std::string& name : perf::made_inputs()) names += " made:" + name;
+  for (const perf::Peer& peer : perf::peers()) meshers += ", " + peer.name;
   std::fprintf(
       stderr,
-      "isoskin-bench: expected [--threads N] [--frames N] [--repeat N] SEQUENCE...; a sequence may be one of%s\n",
-      names.c_str());
+      "isoskin-bench: expected [--threads N] [--frames N] [--repeat N] [--only WHO] SEQUENCE...; a sequence may "
+      "be one of%s; who: %s\n",
+      names.c_str(), meshers.c_str());
   return 2;
+}
+
+void run(const std::vector<std::string>& inputs, const Options& options) {
+  std::printf(
+      "%d threads, %d repetitions of a frame; medians over frames (angles: least), milliseconds; errors in voxels "
+      "(grids) or mean edges (skeletons)\n\n",
+      options.threads, options.repeat);
+  std::puts(
+      "| input | who | wall (least-most) | core | end to end | triangles | core-us a triangle | angle mean (least) | "
+      "angle p1 (least) | vertex error | centroid error |");
+  std::puts("|---|---|---|---|---|---|---|---|---|---|---|");
+  const WorkFolder folder;
+  constexpr std::string_view kMade = "made:";
+  std::vector<std::string> peaks;
+  for (const std::string& input : inputs) {
+    const std::string opened =
+        input.starts_with(kMade) ? folder.make(input.substr(kMade.size()), options.frames) : input;
+    Bench bench(opened, options, folder.path());
+    bench.run();
+    bench.print();
+    if (!options.only.empty()) continue;
+    for (const std::string& who : bench.meshers())
+      peaks.push_back(fmt::format("| {} | {} | {:.0f} |", bench.name(), who, peak_alone(opened, options, who)));
+  }
+  if (peaks.empty()) return;
+  std::puts("\n| input | who, alone | peak MiB |\n|---|---|---|");
+  for (const std::string& line : peaks) std::puts(line.c_str());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  int threads = 4, frames = 20, repeat = 1;
-  const std::map<std::string, int*> numbers{{"--threads", &threads}, {"--frames", &frames}, {"--repeat", &repeat}};
+  Options options;
+  const std::map<std::string, int*> numbers{
+      {"--threads", &options.threads}, {"--frames", &options.frames}, {"--repeat", &options.repeat}};
   std::vector<std::string> inputs;
   for (int i = 1; i < argc; ++i) {
-    const auto number = numbers.find(argv[i]);
+    const std::string word = argv[i];
+    const auto number = numbers.find(word);
     if (number != numbers.end() && i + 1 < argc)
       *number->second = std::atoi(argv[++i]);
+    else if (word == "--only" && i + 1 < argc)
+      options.only = argv[++i];
     else
-      inputs.emplace_back(argv[i]);
+      inputs.push_back(word);
   }
-  if (inputs.empty() || threads < 1 || frames < 1 || repeat < 1) return usage();
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(threads));
+  if (inputs.empty() || options.threads < 1 || options.frames < 1 || options.repeat < 1) return usage();
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(options.threads));
   openvdb::initialize();
-  std::printf(
-      "%d threads, %d repetitions of a frame; medians over frames, milliseconds; errors in voxels (grids) or mean "
-      "edges "
-      "(skeletons)\n\n",
-      threads, repeat);
-  std::puts(
-      "| input | who | wall (least-most) | core | wall with reading | triangles | core-us a triangle | angle mean | "
-      "angle p1 | vertex error | centroid error |");
-  std::puts("|---|---|---|---|---|---|---|---|---|---|---|");
-  MadeFolder made;
-  constexpr std::string_view kMade = "made:";
   try {
-    for (const std::string& input : inputs)
-      run_sequence(input.starts_with(kMade) ? made.make(input.substr(kMade.size()), frames) : input, frames, repeat);
+    run(inputs, options);
   } catch (const InputError& error) {
     std::fprintf(stderr, "isoskin-bench: %s\n", error.what());
     return 2;
