@@ -5,16 +5,14 @@
 // exclude reading and writing files; "end to end" is wall time with both. Medians over frames after the first, which
 // has nothing to track yet; every frame is done --repeat times from the same state, in turns, and its median counts.
 // Peak memory is of further processes that run one mesher alone (--only).
-#include <fcntl.h>
-#include <spawn.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <string>
 #include <vector>
@@ -128,36 +126,18 @@ public:
   void run() {
     const int first = scene_.source->first_frame();
     const int end = std::min(scene_.source->last_frame(), first + options_.frames);
+    if (!options_.only.empty() && options_.only != kIsoskin) {  // no field in memory but theirs
+      for (int frame = first + 1; frame <= end; ++frame)
+        for (Contender& peer : peers_) peer_frame(peer, frame);
+      return;
+    }
     last_ = scene_.source->load(first);
     TrackOptions options;
     if (scene_.meshing.edge_length) options.edge_length = *scene_.meshing.edge_length;
     options.sagitta = scene_.meshing.sagitta;
     Tracker tracker(make_opencl_backend(), resolved(options, *last_.field));
-    const bool own = options_.only.empty() || options_.only == kIsoskin;
-    if (own) tracker.advance(last_);
-    for (int frame = first + 1; frame <= end; ++frame) {
-      if (own) before_ = tracker.mechanical();
-      critical_points_ = tracker.critical_points();
-      std::vector<Cost> costs;
-      for (auto& peer : peers_) peer.costs.clear();
-      double files = 0.0;
-      FieldFrame moment;
-      for (int i = 0; i < options_.repeat; ++i) {
-        if (own) files = own_frame(frame, i, tracker, moment, costs);
-        for (auto& peer : peers_) peer_frame(peer, frame, tracker.options().edge_length);
-      }
-      if (!own) moment = scene_.source->load(frame);
-      if (own) {
-        geometric_.add(costs, files);
-        geometric_.add(tracker.geometric().mesh, *moment.field);
-        mechanical_.add(tracker.mechanical(), *moment.field);
-      }
-      for (auto& peer : peers_) {
-        peer.series.add(peer.costs, peer.files);
-        peer.series.add(peer.mesh, *moment.field);
-      }
-      last_ = moment;
-    }
+    tracker.advance(last_);
+    for (int frame = first + 1; frame <= end; ++frame) run_frame(frame, tracker);
   }
 
   void print() const {
@@ -167,6 +147,7 @@ public:
       std::puts(mechanical_.row(name, "isoskin, mechanical").c_str());
     }
     for (const auto& peer : peers_) {
+      if (peer.series.wall.empty()) continue;
       std::puts(peer.series.row(name, peer.peer.name).c_str());
       if (!geometric_.wall.empty())
         std::puts(fmt::format("| {} | isoskin's share of it | {:.2f} | {:.2f} | {:.2f} | | | | | | |", name,
@@ -197,6 +178,28 @@ private:
     TriangleMesh mesh{};
   };
 
+  /// One frame, again and again from the state before it, everyone in turns; the tracker goes on from the last.
+  void run_frame(int frame, Tracker& tracker) {
+    before_ = tracker.mechanical();
+    critical_points_ = tracker.critical_points();
+    std::vector<Cost> costs;
+    for (Contender& peer : peers_) peer.costs.clear();
+    double files = 0.0;
+    FieldFrame moment;
+    for (int i = 0; i < options_.repeat; ++i) {
+      files = own_frame(frame, i, tracker, moment, costs);
+      for (Contender& peer : peers_) peer_frame(peer, frame);
+    }
+    geometric_.add(costs, files);
+    geometric_.add(tracker.geometric().mesh, *moment.field);
+    mechanical_.add(tracker.mechanical(), *moment.field);
+    for (Contender& peer : peers_) {
+      peer.series.add(peer.costs, peer.files);
+      peer.series.add(peer.mesh, *moment.field);
+    }
+    last_ = moment;
+  }
+
   /// One frame from the state before it; what its files took.
   double own_frame(int frame, int repetition, Tracker& tracker, FieldFrame& moment, std::vector<Cost>& costs) {
     if (repetition > 0) tracker.resume(before_, last_, critical_points_);
@@ -214,13 +217,13 @@ private:
     return reading + writing;
   }
 
-  void peer_frame(Contender& contender, int frame, double edge) const {
+  void peer_frame(Contender& contender, int frame) const {
     char path[4096];
     std::snprintf(path, sizeof path, input_.c_str(), frame);
     openvdb::FloatGrid::Ptr grid;
     const double reading = cost_of([&] { grid = perf::read_float_grid(path); }).wall;
     Cost total;
-    contender.mesh = contender.peer.mesh(*grid, edge, [&](const std::function<void()>& work) {
+    contender.mesh = contender.peer.mesh(*grid, 1.5 * grid->voxelSize().x(), [&](const std::function<void()>& work) {
       const Cost cost = cost_of(work);
       total.wall += cost.wall;
       total.core += cost.core;
@@ -243,33 +246,26 @@ private:
   std::vector<std::string> step_order_;
 };
 
-/// MiB that a process needs at most which runs this mesher alone, once a frame.
+/// MiB this process had in memory at most: its own, where getrusage() would tell its parent's.
+double peak_mib() {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == "VmHWM:" && status >> word) return std::stod(word) / 1024.0;
+  return 0.0;
+}
+
+/// What peak_mib() is of a process that runs this mesher alone, once a frame.
 double peak_alone(const std::string& input, const Options& options, const std::string& who) {
-  std::vector<std::string> words{"isoskin-bench",
-                                 "--threads",
-                                 std::to_string(options.threads),
-                                 "--frames",
-                                 std::to_string(options.frames),
-                                 "--repeat",
-                                 "1",
-                                 "--only",
-                                 who,
-                                 input};
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  posix_spawn_file_actions_t quiet;
-  posix_spawn_file_actions_init(&quiet);
-  posix_spawn_file_actions_addopen(&quiet, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&quiet, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  pid_t child = 0;
-  const int failed = posix_spawn(&child, "/proc/self/exe", &quiet, nullptr, arguments.data(), environ);
-  posix_spawn_file_actions_destroy(&quiet);
-  int status = 0;
-  rusage usage{};
-  if (failed || wait4(child, &status, 0, &usage) < 0 || status != 0)
+  const std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
+  const std::string command = fmt::format("'{}' --threads {} --frames {} --repeat 1 --only '{}' '{}' 2>/dev/null",
+                                          program, options.threads, options.frames, who, input);
+  FILE* output = popen(command.c_str(), "r");
+  double peak = 0.0;
+  char line[4096];
+  while (output && std::fgets(line, sizeof line, output)) std::sscanf(line, "peak %lf MiB", &peak);
+  if (!output || pclose(output) != 0)
     throw InputError("isoskin-bench --only " + who + ": failed; expected it to run as it did beside the others");
-  return double(usage.ru_maxrss) / 1024.0;
+  return peak;
 }
 
 /// Files live in a folder of their own until the run is over.
@@ -322,7 +318,10 @@ void run(const std::vector<std::string>& inputs, const Options& options) {
     Bench bench(opened, options, folder.path());
     bench.run();
     bench.print();
-    if (!options.only.empty()) continue;
+    if (!options.only.empty()) {
+      std::puts(fmt::format("peak {:.0f} MiB", peak_mib()).c_str());
+      continue;
+    }
     for (const std::string& who : bench.meshers())
       peaks.push_back(fmt::format("| {} | {} | {:.0f} |", bench.name(), who, peak_alone(opened, options, who)));
   }

@@ -34,6 +34,7 @@ TriangleMesh mesh_by_openvdb(const openvdb::FloatGrid& grid, double, const Clock
   for (const auto& p : points) mesh.vertices.position.emplace_back(p.x(), p.y(), p.z());
   for (const auto& t : triangles) mesh.vertex.insert(mesh.vertex.end(), {t[2], t[1], t[0]});
   for (const auto& q : quads) mesh.vertex.insert(mesh.vertex.end(), {q[2], q[1], q[0], q[3], q[2], q[0]});
+  mesh.vertices.resize(mesh.vertices.position.size());
   return mesh;
 }
 
@@ -68,6 +69,7 @@ TriangleMesh mesh_by_flying_edges(const openvdb::FloatGrid& grid, double, const 
   const vtkIdType* corner = nullptr;
   for (vtkCellArray* cells = surface->GetPolys(); cells->GetNextCell(corners, corner);)
     mesh.vertex.insert(mesh.vertex.end(), {Index(corner[0]), Index(corner[1]), Index(corner[2])});
+  mesh.vertices.resize(mesh.vertices.position.size());
   return mesh;
 }
 
@@ -94,6 +96,7 @@ TriangleMesh mesh_by_cgal(const openvdb::FloatGrid& grid, double edge, const Clo
   }
   for (const auto f : remeshed.faces())
     for (const auto v : vertices_around_face(remeshed.halfedge(f), remeshed)) mesh.vertex.push_back(Index(v));
+  mesh.vertices.resize(mesh.vertices.position.size());
   return mesh;
 }
 

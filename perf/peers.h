@@ -11,7 +11,7 @@
 
 namespace isoskin::perf {
 
-/// A way to a mesh of a grid. Meshes have positions and corners only: what shape_statistics() reads.
+/// A way to a mesh of a grid. Meshes have positions and corners; other columns are blank: shape_statistics() reads.
 struct Peer {
   std::string name;
   /// Meshes the level set 0 of the grid, edges about as long as `edge` where the peer can be told. Runs `clocked` with
