@@ -191,6 +191,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   {
     Step step(report, "advance");
     backend_->set_field(frame.field);
+    wake_up(frame);
   }
   operate(frame, report);
   Evidence evidence = sample(frame, report);
@@ -228,6 +229,13 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   return report;
 }
 
+/// A velocity grid may move material within a surface that stands still.
+void Tracker::wake_up(const FieldFrame& frame) {
+  if (!started_) return;
+  const FieldChanges changes = frame.velocity ? FieldChanges{true, {}} : changes_between(*last_field_, *frame.field);
+  wake(mesh_.vertices, ChangeMask(changes, options_.sleep.margin * options_.edge_length));
+}
+
 /// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
 /// skin follows the field to a moment between them first.
 void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
@@ -250,6 +258,7 @@ void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
     const auto between = cut ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
     if (!between) return operate_on(plan, frame, report);
     backend_->set_field(between);
+    wake(mesh_.vertices, ChangeMask({true, {}}, 0.0));  // between two moments a field may be anything
     operate_on(plan_events(between, report), frame, report);
     backend_->project(mesh_.vertices.position, options_.project, {});
     grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
@@ -288,7 +297,8 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     {
       Step step(report, "predict");
       if (may_collide) before = mesh_.vertices;
-      predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project);
+      predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project,
+              sleeping(mesh_.vertices, options_.sleep));
     }
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
@@ -330,65 +340,80 @@ bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexT
 }
 
 void Tracker::relax(FrameReport& report) {
-  std::vector<std::uint8_t> inverted;
-  for (int round = 0; round < options_.rounds; ++round) {
-    {
-      Step step(report, "alter");
-      for (const Index v : held_vertices()) mesh_.vertices.age[v] = 0;
-      alter(mesh_, options_.alter, inverted);
-    }
-    Step step(report, "relax");
-    report.quasi_critical = relax_once().quasi_critical;
-    inverted = inverted_triangles();
-  }
-  report.inverted = std::size_t(std::count(inverted.begin(), inverted.end(), 1));
-}
-
-RelaxReport Tracker::relax_once() {
-  std::vector<std::uint8_t> pinned(mesh_.vertex_count());
-  for (const Index v : held_vertices()) pinned[v] = 1;
-  backend_->set_mesh(mesh_, pinned);
   RelaxOptions follow = options_.relax;
   follow.steps = options_.follow_steps;
   follow.cg_iterations = options_.follow_iterations;
-  const RelaxReport relaxed = backend_->relax(follow, options_.project);
-  const auto positions = backend_->positions();
-  const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
-  if (material_is_known_) slide_rest(mesh_, before);
-  return relaxed;
+  Relaxed relaxed;
+  for (int round = 0; round < options_.rounds; ++round) {
+    {
+      Step step(report, "alter");
+      std::vector<std::uint8_t> left_alone = held_vertices();
+      const std::vector<std::uint8_t> asleep = sleeping(mesh_.vertices, options_.sleep);
+      for (std::size_t v = 0; v < asleep.size(); ++v) left_alone[v] |= asleep[v];
+      alter(mesh_, options_.alter, relaxed.inverted, left_alone);
+    }
+    Step step(report, "relax");
+    relaxed = relax_but(sleeping(mesh_.vertices, options_.sleep), follow);
+  }
+  report.inverted = std::size_t(std::count(relaxed.inverted.begin(), relaxed.inverted.end(), 1));
+  report.quasi_critical = std::size_t(std::count(relaxed.quasi_critical.begin(), relaxed.quasi_critical.end(), 1));
+  keep_awake(relaxed);
 }
 
-/// The rest does not move at all, and costs nothing. Returns the part's inverted triangles, one byte a triangle of the
-/// whole.
-std::vector<std::uint8_t> Tracker::relax_part(const MeshPart& part) {
-  const std::vector<std::uint8_t> frozen = part.frozen(mesh_);
+/// What is not right yet does not fall asleep.
+void Tracker::keep_awake(const Relaxed& relaxed) {
+  const auto disturb = [&](Index v) { mesh_.vertices.age[v] = std::min<Index>(mesh_.vertices.age[v], 1); };
+  for (Index h = 0; h < mesh_.vertex.size(); ++h)
+    if (relaxed.inverted[h / 3]) disturb(mesh_.vertex[h]);
+  for (Index v = 0; v < mesh_.vertex_count(); ++v)
+    if (relaxed.quasi_critical[v]) disturb(v);
+}
+
+/// What is frozen does not move at all, and costs nothing.
+Tracker::Relaxed Tracker::relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how) {
+  if (frozen.empty()) return relax_whole(how);
   const OpenPart open = open_part(mesh_, frozen);
-  std::vector<std::uint8_t> pinned = frozen;
-  for (const Index v : held_vertices()) pinned[v] = 1;
-  std::vector<std::uint8_t> part_pinned;
-  for (const Index v : open.vertex) part_pinned.push_back(pinned[v]);
-  backend_->set_mesh(open.mesh, part_pinned);
-  backend_->relax(options_.relax, options_.project);
+  const std::vector<std::uint8_t> held = held_vertices();
+  std::vector<std::uint8_t> pinned, inverted(open.triangle.size());
+  for (const Index v : open.vertex) pinned.push_back(frozen[v] | held[v]);
+  Relaxed relaxed{std::vector<std::uint8_t>(mesh_.triangle_count()), std::vector<std::uint8_t>(mesh_.vertex_count())};
+  if (open.triangle.empty()) return relaxed;
+  backend_->set_mesh(open.mesh, pinned);
+  backend_->relax(how, options_.project);
+  const std::vector<Vec3> before = material_is_known_ ? mesh_.vertices.position : std::vector<Vec3>{};
   const auto positions = backend_->positions();
-  const std::vector<Vec3> before = mesh_.vertices.position;
   for (std::size_t i = 0; i < open.vertex.size(); ++i)
     if (!frozen[open.vertex[i]]) mesh_.vertices.position[open.vertex[i]] = positions[i];
   if (material_is_known_) slide_rest(mesh_, before);
-  std::vector<std::uint8_t> part_inverted(open.triangle.size()), inverted(mesh_.triangle_count(), 0);
-  backend_->inverted_triangles(part_inverted);
-  for (std::size_t i = 0; i < open.triangle.size(); ++i) inverted[open.triangle[i]] = part_inverted[i];
-  return inverted;
+  const auto status = backend_->status();
+  for (std::size_t i = 0; i < open.vertex.size(); ++i)
+    relaxed.quasi_critical[open.vertex[i]] = !frozen[open.vertex[i]] && status[i] != ProjectStatus::converged;
+  backend_->inverted_triangles(inverted);
+  for (std::size_t i = 0; i < open.triangle.size(); ++i) relaxed.inverted[open.triangle[i]] = inverted[i];
+  return relaxed;
 }
 
-/// Vertices that are only projected: elements of edge e do not fit where they are.
-std::vector<Index> Tracker::held_vertices() const {
-  std::vector<Index> held = small_piece_vertices(mesh_);
+Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
+  backend_->set_mesh(mesh_, held_vertices());
+  backend_->relax(how, options_.project);
+  const auto positions = backend_->positions();
+  const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
+  if (material_is_known_) slide_rest(mesh_, before);
+  Relaxed relaxed{std::vector<std::uint8_t>(mesh_.triangle_count()), {}};
+  for (const ProjectStatus status : backend_->status())
+    relaxed.quasi_critical.push_back(status != ProjectStatus::converged);
+  backend_->inverted_triangles(relaxed.inverted);
+  return relaxed;
+}
+
+/// One byte a vertex: 1 where it is only projected, since elements of edge e do not fit.
+std::vector<std::uint8_t> Tracker::held_vertices() const {
   ThinOptions thin;
   thin.edge_length = options_.edge_length;
-  const std::vector<Index> necks = thin_feature_vertices(mesh_, critical_.points, thin);
-  std::vector<Index> both;
-  std::set_union(held.begin(), held.end(), necks.begin(), necks.end(), std::back_inserter(both));
-  return both;
+  std::vector<std::uint8_t> held(mesh_.vertex_count());
+  for (const Index v : small_piece_vertices(mesh_)) held[v] = 1;
+  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin)) held[v] = 1;
+  return held;
 }
 
 Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) {
@@ -472,16 +497,10 @@ void Tracker::settle_new_skin(Index first_new) {
   const MeshPart part(mesh_, first_new, options_.reskin_rings);
   const AlterOptions alter_options = unlocked_and_still(options_.alter);
   for (int round = 0; round < options_.reskin_rounds; ++round) {
-    const std::vector<std::uint8_t> inverted = relax_part(part);
-    alter(mesh_, alter_options, inverted, part.frozen(mesh_));
+    const Relaxed relaxed = relax_but(part.frozen(mesh_), options_.relax);
+    alter(mesh_, alter_options, relaxed.inverted, part.frozen(mesh_));
   }
-  relax_part(part);
-}
-
-std::vector<std::uint8_t> Tracker::inverted_triangles() {
-  std::vector<std::uint8_t> inverted(mesh_.triangle_count());
-  backend_->inverted_triangles(inverted);
-  return inverted;
+  relax_but(part.frozen(mesh_), options_.relax);
 }
 
 void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report) {

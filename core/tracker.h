@@ -10,6 +10,7 @@
 
 #include "core/backend.h"
 #include "core/mechanics/alter.h"
+#include "core/mechanics/sleep.h"
 #include "core/mesh/mesh_part.h"
 #include "core/refine/geometric_mesh.h"
 #include "core/topology/bad_sites.h"
@@ -50,6 +51,7 @@ struct TrackOptions {
   RelaxOptions relax;               // of fresh skin; edge_length is filled in
   // The skin that follows: one step of 14 iterations leaves the angles that two of 10 each leave.
   int follow_steps = 1, follow_iterations = 14;
+  SleepOptions sleep;      // where the field stands still and there is no velocity grid
   ProjectOptions project;  // tolerance and max_step are filled in: 1e-4 e and e / 2
   SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
   BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
@@ -141,7 +143,13 @@ private:
     Certificate certificate;
   };
 
+  /// What a relaxation left undone: one byte a triangle, one a vertex.
+  struct Relaxed {
+    std::vector<std::uint8_t> inverted, quasi_critical;
+  };
+
   double seconds_to(const FieldFrame& frame) const { return started_ ? frame.time - time_ : 0.0; }
+  void wake_up(const FieldFrame& frame);
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
@@ -151,10 +159,10 @@ private:
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);
   void relax(FrameReport& report);
-  RelaxReport relax_once();
-  std::vector<std::uint8_t> relax_part(const MeshPart& part);
-  std::vector<Index> held_vertices() const;
-  std::vector<std::uint8_t> inverted_triangles();
+  Relaxed relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how);
+  Relaxed relax_whole(const RelaxOptions& how);
+  std::vector<std::uint8_t> held_vertices() const;
+  void keep_awake(const Relaxed& relaxed);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <cstring>
+#include <map>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -309,6 +310,58 @@ TEST(Tracker, ResumingAfterAnyFrameChangesNothing) {
     EXPECT_TRUE(whole->critical_points() == resumed->critical_points());
   }
   EXPECT_GE(events, 10u);
+}
+
+/// A row of balls at rest, on one end of which another falls.
+std::shared_ptr<const SkeletonField> row_at(int frame) {
+  std::vector<SkeletonElement> elements(8);
+  for (int i = 0; i < 7; ++i) elements[i].a = elements[i].b = DVec3(0.7 * i, 0.0, 0.0);
+  elements[7].a = elements[7].b = DVec3(0.0, 0.0, std::max(0.5, 2.2 - 0.1 * frame));
+  return std::make_shared<SkeletonField>(elements, 0.3);
+}
+
+TEST(Tracker, WhatIsAtRestSleepsAndWakesWhenTheFieldMoves) {
+  const test::TemporaryFolder folder;
+  constexpr int kFrames = 20, kSaved = 11;
+  constexpr float kFarEnd = 2.0f, kNearEnd = -0.2f;  // out of reach of the falling ball, and within it at the end
+  const double e = 0.12;
+  std::vector<FieldFrame> frames;
+  for (int k = 0; k < kFrames; ++k) frames.push_back(frame_of(row_at(k), k));
+  auto tracker = opencl_tracker(*frames[0].field, e), resumed = opencl_tracker(*frames[0].field, e);
+  const int settled = int(tracker->options().sleep.rest_frames) + 1;
+  std::map<Index, Vec3> asleep;
+  std::size_t slept = 0, woken = 0;
+  for (int k = 0; k < kFrames; ++k) {
+    SCOPED_TRACE(k);
+    const FrameReport report = tracker->advance(frames[k]);
+    EXPECT_TRUE(report.certified) << report.certificate;
+    const TriangleMesh& mesh = tracker->mechanical();
+    const Box box = frames[k].field->bounds();
+    const DigitalTopology oracle = digital_topology(*frames[k].field, box, box.diagonal() / 60.0);
+    EXPECT_EQ(mesh_topology(mesh).components, oracle.components);
+    EXPECT_EQ(mesh_topology(mesh).handles(), oracle.handles());
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      const Vec3 p = mesh.position(v);
+      const auto before = asleep.find(mesh.vertices.id[v]);
+      if (before != asleep.end() && p.x > kFarEnd) {
+        EXPECT_EQ(p, before->second);
+        ++slept;
+      }
+      woken += before != asleep.end() && before->second.x < kNearEnd && p != before->second;
+      if (mesh.vertices.age[v] >= Index(settled) - 1) asleep[mesh.vertices.id[v]] = p;
+    }
+    if (k == kSaved) {
+      write_ply(folder / "skin.ply", mesh, {}, {k, frames[k].time, tracker->critical_points()});
+      PlyMesh skin = read_ply(folder / "skin.ply");
+      resumed->resume(std::move(skin.mesh), frames[k], skin.header.critical_points);
+    } else if (k > kSaved) {
+      resumed->advance(frames[k]);
+      expect_same_bytes(mesh, resumed->mechanical());
+      expect_same_bytes(tracker->geometric().mesh, resumed->geometric().mesh);
+    }
+  }
+  EXPECT_GT(slept, 1000u);
+  EXPECT_GT(woken, 0u);
 }
 
 TEST(Tracker, SelfIntersectionsAreCountedWhenAskedFor) {

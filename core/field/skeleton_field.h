@@ -47,11 +47,13 @@ public:
   bool is_c2() const override;
 
   const std::vector<SkeletonElement>& elements() const { return elements_; }
+  /// Outside of this box element i's term is zero.
+  const Box& support(std::size_t i) const { return support_[i]; }
   double iso() const { return iso_; }
 
 private:
   std::vector<SkeletonElement> elements_;
-  std::vector<Box> support_;  // of each element; outside of it the element's term is zero
+  std::vector<Box> support_;  // of each element
   double iso_ = 0.0;
 };
 

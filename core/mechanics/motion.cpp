@@ -1,6 +1,7 @@
 #include "core/mechanics/motion.h"
 
 #include "core/mechanics/flow.h"
+#include "core/mesh/mesh_part.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -55,7 +56,21 @@ EdgeWeights along_edges(const DVec3& d, const DVec3& edge_a, const DVec3& edge_b
 }  // namespace
 
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
-             const ProjectOptions& options) {
+             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen) {
+  if (!frozen.empty()) {
+    OpenPart part = open_part(mesh, frozen);
+    predict(part.mesh, velocity, dt, backend, options);
+    for_each_index(frozen.size(), [&](std::size_t v) {
+      if (frozen[v]) mesh.vertices.velocity[v] = Vec3(0.0f);
+    });
+    for_each_index(part.vertex.size(), [&](std::size_t i) {
+      const Index v = part.vertex[i];
+      if (frozen[v]) return;
+      mesh.vertices.position[v] = part.mesh.vertices.position[i];
+      mesh.vertices.velocity[v] = part.mesh.vertices.velocity[i];
+    });
+    return;
+  }
   VertexTable& vertices = mesh.vertices;
   const std::vector<Vec3> old = vertices.position;
   if (velocity) {

@@ -13,8 +13,11 @@ namespace isoskin {
 /// to the grid's; without it the surface's flow (flow.h). A vertex whose prediction finds no surface is projected from
 /// where it was. Afterwards the velocity column holds the motion made where there is no grid (zero where a vertex found
 /// no surface, or dt is 0): what a vertex slides later, when the skin relaxes, is not the surface's.
+///
+/// `frozen` (one byte a vertex, may be empty): such vertices stay where they are, their velocity becomes zero, and
+/// where all vertices about one are frozen nothing is computed.
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
-             const ProjectOptions& options);
+             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {});
 
 /// The velocity column from the grid, at every vertex.
 void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity);

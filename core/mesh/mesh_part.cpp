@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <tbb/parallel_sort.h>
+
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 
@@ -40,13 +42,25 @@ OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& fr
   for (const Index t : part.triangle)
     part.vertex.insert(part.vertex.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});
   part.mesh.vertex = part.vertex;
-  std::sort(part.vertex.begin(), part.vertex.end());
+  part.mesh.twin.resize(part.vertex.size());
+  tbb::parallel_sort(part.vertex.begin(), part.vertex.end());
   part.vertex.erase(std::unique(part.vertex.begin(), part.vertex.end()), part.vertex.end());
+  const auto number = [](const std::vector<Index>& of, Index whole) {
+    const auto at = std::lower_bound(of.begin(), of.end(), whole);
+    return at != of.end() && *at == whole ? Index(at - of.begin()) : kNone;
+  };
   for_each_index(part.mesh.vertex.size(), [&](std::size_t h) {
-    Index& v = part.mesh.vertex[h];
-    v = Index(std::lower_bound(part.vertex.begin(), part.vertex.end(), v) - part.vertex.begin());
+    part.mesh.vertex[h] = number(part.vertex, part.mesh.vertex[h]);
+    const Index twin = mesh.twin[3 * part.triangle[h / 3] + h % 3], t = number(part.triangle, twin / 3);
+    part.mesh.twin[h] = t == kNone ? kNone : 3 * t + twin % 3;
   });
-  for (const Index v : part.vertex) part.mesh.vertices.position.push_back(mesh.position(v));
+  VertexTable& table = part.mesh.vertices;
+  table.position.resize(part.vertex.size());
+  table.velocity.resize(part.vertex.size());
+  for_each_index(part.vertex.size(), [&](std::size_t i) {
+    table.position[i] = mesh.position(part.vertex[i]);
+    table.velocity[i] = mesh.vertices.velocity[part.vertex[i]];
+  });
   return part;
 }
 

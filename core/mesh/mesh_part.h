@@ -23,14 +23,14 @@ private:
   std::vector<std::uint64_t> ring_;  // a bit an old id
 };
 
-/// Some of a mesh's triangles, with borders and without twins, and where they come from.
+/// Some of a mesh's triangles, with borders (twin kNone), and where they come from.
 struct OpenPart {
-  TriangleMesh mesh;            // positions only, in the whole mesh's order
+  TriangleMesh mesh;            // positions and velocities only, in the whole mesh's order
   std::vector<Index> vertex;    // per vertex: its number in the whole mesh
   std::vector<Index> triangle;  // per triangle: the same
 };
 
-/// The triangles with a vertex that is not frozen.
+/// The triangles with a vertex that is not frozen. Parallel.
 OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
 
 }  // namespace isoskin

@@ -12,12 +12,13 @@ namespace {
 
 using SomeTriangles = std::array<Index, kSmallPiece>;
 
-/// Fills `piece` with connected triangles, the given one first; false when there are more than it holds.
+/// Fills `piece` with connected triangles, the given one first; false when there are more than it holds, or a border.
 bool gather_piece(const TriangleMesh& mesh, Index triangle, SomeTriangles& piece) {
-  piece[0] = triangle;
+  piece.fill(triangle);
   auto end = piece.begin() + 1;
   for (auto at = piece.begin(); at != end; ++at)
     for (Index k = 3 * *at; k < 3 * *at + 3; ++k) {
+      if (mesh.twin[k] == kNone) return false;
       const Index next = TriangleMesh::triangle(mesh.twin[k]);
       if (std::find(piece.begin(), end, next) != end) continue;
       if (end == piece.end()) return false;

@@ -1,0 +1,46 @@
+// Where a field differs from the one before: what lies elsewhere need not be looked at again (design 9).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/field/field.h"
+
+namespace isoskin {
+
+/// Outside of the boxes (and on their sides) values and derivatives of both fields are the same, bit for bit.
+struct FieldChanges {
+  bool everywhere = false;
+  std::vector<Box> box;
+};
+
+/// Compares two moments of a field. Grids of one placement and interpolation: cubes of four voxels whose taps differ.
+/// Skeletons of as many elements: the supports of those that differ, before and after; everywhere where one has no
+/// bound. The same object: nothing. All else: everywhere.
+FieldChanges changes_between(const Field& before, const Field& after);
+
+/// The boxes, grown, as cells to be asked for points and boxes. Never says no where a box is; may say yes a cell beside
+/// one, but for boxes that are cells of one raster.
+class ChangeMask {
+public:
+  /// `margin` (world units, >= 0): by how much the boxes are grown.
+  ChangeMask(const FieldChanges& changes, double margin);
+
+  bool everywhere() const { return everywhere_; }
+  /// Nothing has changed.
+  bool empty() const { return !everywhere_ && cell_.empty(); }
+  bool contains(const DVec3& p) const;
+  /// Does a box reach into the open box `b`?
+  bool overlaps(const Box& b) const;
+
+private:
+  IVec3 cell_of(const DVec3& p) const;
+
+  bool everywhere_ = false;
+  DVec3 origin_{0.0};
+  double side_ = 1.0;  // of a cell
+  IVec3 size_{0};
+  std::vector<std::uint8_t> cell_;  // z fastest
+};
+
+}  // namespace isoskin
