@@ -81,8 +81,28 @@ double winding_about(const TriangleMesh& mesh, const DVec3& p) {
   return sum / (4.0 * M_PI);
 }
 
+/// Rows of differing corners, told by each corner's winding number and value.
+void expect_differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
+                           const std::vector<std::int8_t>& winding) {
+  const std::vector<DifferingRow> rows = differing_rows(mesh, lattice, lattice_topology(lattice).signs);
+  std::size_t next = 0;
+  for (std::size_t r = 0; r < lattice.value.size() / BrickLattice::kCorners; ++r) {
+    unsigned corners = 0;
+    for (int z = 0; z < BrickLattice::kCorners; ++z) {
+      const std::size_t i = r * BrickLattice::kCorners + std::size_t(z);
+      corners |= unsigned(winding[i] != (lattice.value[i] > 0.0f ? 1 : 0)) << z;
+    }
+    if (corners == 0) continue;
+    ASSERT_LT(next, rows.size());
+    EXPECT_EQ(rows[next].brick * 81 + rows[next].row, r);
+    EXPECT_EQ(rows[next++].corners, corners);
+  }
+  EXPECT_EQ(next, rows.size());
+}
+
 void expect_windings(const TriangleMesh& mesh, const BrickLattice& lattice, std::size_t every) {
   const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
+  expect_differing_rows(mesh, lattice, winding);
   ASSERT_EQ(winding.size(), lattice.value.size());
   for (std::size_t i = 0; i < winding.size(); i += every) {
     const int local = int(i % BrickLattice::kValues);

@@ -65,10 +65,12 @@ TEST(ClosestPoint, EqualsBruteForce) {
 TEST(ClosestPoint, TiesGoToTheSmallestTriangle) {
   const TriangleMesh mesh = test_meshes::icosphere(2);
   const ClosestPoint closest(mesh);
+  ClosestPoint::Neighbour neighbour;
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     Index first = 0;
     while (mesh.vertex[first] != v) ++first;
     EXPECT_EQ(closest.nearest(mesh.position(v)).triangle, first / 3);
+    EXPECT_EQ(closest.nearest(mesh.position(v), Vec3(0), 1.0f, &neighbour).triangle, first / 3);
     EXPECT_EQ(closest.nearest(mesh.position(v)).distance, 0.0f);
   }
 }
@@ -90,6 +92,7 @@ TEST(ClosestPoint, SidedSearchEqualsBruteForce) {
   const ClosestPoint closest(mesh);
   std::mt19937 random(2);
   std::normal_distribution<float> any;
+  ClosestPoint::Neighbour neighbour;  // far away most times: it must not matter
   for (int i = 0; i < 200; ++i) {
     const Vec3 p(any(random), any(random), any(random)),
         side = glm::normalize(Vec3(any(random), any(random), any(random)));
@@ -98,7 +101,10 @@ TEST(ClosestPoint, SidedSearchEqualsBruteForce) {
       const Triangle c(mesh, t);
       if (glm::dot(c.normal(), DVec3(side)) >= 0.0) expected = std::min(expected, c.distance(DVec3(p)));
     }
-    EXPECT_NEAR(closest.nearest(p, side).distance, expected, 1e-5);
+    const SurfacePoint alone = closest.nearest(p, side), after = closest.nearest(p, side, 10.0f, &neighbour);
+    EXPECT_NEAR(alone.distance, expected, 1e-5);
+    EXPECT_EQ(after.triangle, alone.triangle);
+    EXPECT_EQ(after.weight, alone.weight);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "core/refine/geometric_mesh.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -26,23 +27,29 @@ double distance(const Field& field, double value, double slope) {
 
 /// Lattice corners on whose side mesh and field differ, farther than `least` from the surface.
 std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                                double least) {
+                                const LatticeTopology& topology, double least) {
   constexpr int kSide = BrickLattice::kCorners;
-  const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
-  std::vector<std::vector<Vec3>> of_brick(lattice.brick_count());
-  for_each_index(of_brick.size(), [&](std::size_t b) {
-    for (std::size_t i = b * BrickLattice::kValues; i < (b + 1) * BrickLattice::kValues; ++i) {
-      const float value = lattice.value[i];
-      if (winding[i] == (value > 0.0f ? 1 : 0)) continue;
-      const int local = int(i % BrickLattice::kValues);
-      const IVec3 corner(local / (kSide * kSide), local / kSide % kSide, local % kSide);
+  struct Corner {
+    DVec3 point;
+    float value;
+  };
+  std::vector<Corner> corners;
+  for (const DifferingRow& row : differing_rows(mesh, lattice, topology.signs))
+    for (unsigned bits = row.corners; bits; bits &= bits - 1) {
+      const IVec3 local(row.row / kSide, row.row % kSide, std::countr_zero(bits));
+      const float value =
+          lattice.value[std::size_t(row.brick) * BrickLattice::kValues + BrickLattice::corner_index(local)];
       if (field.resolution() > 0.0 && std::abs(double(value)) <= least) continue;  // without asking for the slope
-      const DVec3 p = lattice.point(BrickLattice::kCells * lattice.coordinate[b] + corner);
-      if (distance(field, value, glm::length(field.sample(p).gradient)) > least) of_brick[b].emplace_back(p);
+      corners.push_back({lattice.point(BrickLattice::kCells * lattice.coordinate[row.brick] + local), value});
     }
+  std::vector<std::uint8_t> far(corners.size());
+  for_each_index(corners.size(), [&](std::size_t i) {
+    const auto& [p, value] = corners[i];
+    far[i] = distance(field, value, glm::length(field.sample(p).gradient)) > least;
   });
   std::vector<Vec3> wrong;
-  for (const auto& list : of_brick) wrong.insert(wrong.end(), list.begin(), list.end());
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    if (far[i]) wrong.emplace_back(corners[i].point);
   return wrong;
 }
 
@@ -120,7 +127,7 @@ public:
     constexpr float kEverywhere = std::numeric_limits<float>::infinity();
     const float e = float(options_.edge_length);
     for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
-      const std::vector<Vec3> wrong = wrong_corners(mesh_.mesh, field_, lattice_, tolerance_);
+      const std::vector<Vec3> wrong = wrong_corners(mesh_.mesh, field_, lattice_, topology_, tolerance_);
       if (wrong.empty()) break;
       flatten(mesh_, wrong, radius);
     }
@@ -149,7 +156,8 @@ private:
 
   std::vector<Vec3> hidden_places() const {
     const Span span("look");
-    std::vector<Vec3> hidden = wrong_corners(mesh_.mesh, field_, lattice_, options_.hidden_corner * tolerance_);
+    std::vector<Vec3> hidden =
+        wrong_corners(mesh_.mesh, field_, lattice_, topology_, options_.hidden_corner * tolerance_);
     const std::vector<Vec3> strays = stray_centroids(mesh_.mesh, field_, backend_, options_.hidden_centre * tolerance_);
     hidden.insert(hidden.end(), strays.begin(), strays.end());
     return hidden;

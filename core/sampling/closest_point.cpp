@@ -143,24 +143,29 @@ struct ClosestPoint::Tree {
     return glm::dot(glm::cross(b - a, c - a), side) < 0.0;
   }
 
-  /// Nearest triangle that does not point against `side`, no farther than sqrt(most).
-  Best search(const DVec3& p, const DVec3& side, double most) const {
+  /// Nearest triangle that does not point against `side`, no farther than sqrt(most). Looks at `first` first.
+  Best search(const DVec3& p, const DVec3& side, double most, std::size_t first) const {
     Best best;
     best.squared = most;
     if (triangle.empty()) return best;
-    std::array<std::size_t, kDeepest> stack;
+    if (first < triangle.size()) look_at(first, p, side, best);
+    struct Open {
+      std::size_t node;
+      double squared;
+    };
+    std::array<Open, kDeepest> stack;
     int depth = 0;
-    stack[depth++] = 0;
+    stack[depth++] = {0, node[0].squared_distance(p)};
     while (depth > 0) {
-      const std::size_t i = stack[--depth];
-      if (!(node[i].squared_distance(p) <= best.squared * kSlack)) continue;
+      const auto [i, squared] = stack[--depth];
+      if (!(squared <= best.squared * kSlack)) continue;
       if (i >= first_leaf) {
         const std::size_t from = (i - first_leaf) * kLeaf;
         for (std::size_t k = from; k < std::min(triangle.size(), from + kLeaf); ++k) look_at(k, p, side, best);
         continue;
       }
-      std::size_t near = 2 * i + 1, far = 2 * i + 2;
-      if (node[far].squared_distance(p) < node[near].squared_distance(p)) std::swap(near, far);
+      Open near{2 * i + 1, node[2 * i + 1].squared_distance(p)}, far{2 * i + 2, node[2 * i + 2].squared_distance(p)};
+      if (far.squared < near.squared) std::swap(near, far);
       stack[depth++] = far;
       stack[depth++] = near;
     }
@@ -171,15 +176,21 @@ struct ClosestPoint::Tree {
 ClosestPoint::ClosestPoint(const TriangleMesh& mesh) : tree_(std::make_unique<Tree>(mesh)) {}
 ClosestPoint::~ClosestPoint() = default;
 
-SurfacePoint ClosestPoint::nearest(const Vec3& p, const Vec3& side, float max_distance) const {
+SurfacePoint ClosestPoint::nearest(const Vec3& p, const Vec3& side, float max_distance, Neighbour* neighbour) const {
   constexpr double kAnywhere = std::numeric_limits<double>::infinity();
   const DVec3 from(p);
   // The nearest of all is nearly always on the right side, and much sooner found.
-  Tree::Best best = tree_->search(from, DVec3(0.0), kAnywhere);
+  Neighbour own;
+  Neighbour& near = neighbour ? *neighbour : own;
+  Tree::Best best = tree_->search(from, DVec3(0.0), kAnywhere, near.nearest);
   if (best.triangle == kNone) return {};
+  near.nearest = best.at;
   if (side != Vec3(0.0f) && tree_->points_against(best.at, DVec3(side))) {
-    const Tree::Best agreeing = tree_->search(from, DVec3(side), double(max_distance) * max_distance);
-    if (agreeing.triangle != kNone) best = agreeing;
+    const Tree::Best agreeing = tree_->search(from, DVec3(side), double(max_distance) * max_distance, near.agreeing);
+    if (agreeing.triangle != kNone) {
+      best = agreeing;
+      near.agreeing = best.at;
+    }
   }
   return {best.triangle, Vec3(best.weight), static_cast<float>(std::sqrt(best.squared))};
 }
@@ -198,8 +209,9 @@ void carry_attributes(TriangleMesh& mesh, Index first, const TriangleMesh& old, 
     edges += glm::distance(old.position(old.from(h)), old.position(old.to(h)));
   const float reach = static_cast<float>(kReachInEdges * edges / double(old.vertex.size()));
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
+    ClosestPoint::Neighbour neighbour;
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
-      const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))), reach);
+      const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))), reach, &neighbour);
       if (at.triangle == kNone) continue;  // not a finite point
       Vec3 rest(0.0f), velocity(0.0f);
       for (int k = 0; k < 3; ++k) {

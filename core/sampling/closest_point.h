@@ -22,11 +22,17 @@ class ClosestPoint {
 public:
   explicit ClosestPoint(const TriangleMesh& mesh);
   ~ClosestPoint();
+  /// Where the answers to the last question were.
+  struct Neighbour {
+    std::size_t nearest = static_cast<std::size_t>(-1), agreeing = static_cast<std::size_t>(-1);
+  };
   /// Nearest point to `p` (ties: the smallest triangle index). triangle == kNone for an empty mesh. `side`, when not
   /// zero, is a direction: triangles whose normal points against it are passed over, unless nothing else lies within
-  /// `max_distance`; then the nearest of all is taken, however far.
+  /// `max_distance`; then the nearest of all is taken, however far. `neighbour`, handed from question to question,
+  /// makes points that follow each other closely cheaper; the answer does not depend on it.
   SurfacePoint nearest(const Vec3& p, const Vec3& side = Vec3(0.0f),
-                       float max_distance = std::numeric_limits<float>::infinity()) const;
+                       float max_distance = std::numeric_limits<float>::infinity(),
+                       Neighbour* neighbour = nullptr) const;
 
 private:
   struct Tree;

@@ -42,11 +42,12 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   t.first_cell.assign(bricks + 1, 0);
   t.crossings.resize(bricks);
   t.upper.resize(bricks);
+  t.signs.resize(bricks);
   for_bricks(bricks, [&](std::size_t b) {
     for (int i = 0; i < 8; ++i)
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
-    const BrickSigns signs(&lattice.value[b * kValues]);
+    const BrickSigns signs = t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
     if (!signs.mixed()) return;
     BrickCrossings& c = t.crossings[b];
     Index cells = 0;
@@ -81,7 +82,7 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
   for_bricks(lattice.brick_count(), [&](std::size_t b) {
     if (t.first_cell[b] == t.first_cell[b + 1]) return;
     const float* value = &lattice.value[b * kValues];
-    const BrickSigns signs(value);
+    const BrickSigns& signs = t.signs[b];
     Index at = t.first_cell[b];
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)

@@ -8,6 +8,7 @@
 
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/brick_signs.h"
 
 namespace isoskin {
 
@@ -23,6 +24,7 @@ struct BrickCrossings {
 /// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that
 /// share a crossing.
 struct LatticeTopology {
+  std::vector<BrickSigns> signs;          // per brick
   std::vector<Index> first_cell;          // per brick: its surface cells, CSR; size bricks + 1
   std::vector<std::uint16_t> cell;        // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
   std::vector<std::uint16_t> shape;       // per surface cell, see cell_shapes.h

@@ -20,6 +20,7 @@ constexpr int kFraction = 20;                   // bits after the point of a rou
 constexpr double kFarthest = 1 << 23;           // lattice corners
 constexpr std::int64_t kShortSpan = 1ll << 30;  // products of spans below this fit 64 bits
 constexpr std::size_t kChunk = 2048;            // triangles
+constexpr int kHits = 16;                       // columns looked at at a time
 
 /// A vertex in lattice coordinates.
 struct Rounded {
@@ -27,9 +28,10 @@ struct Rounded {
   double z;
 };
 
+/// A crossing and the number of its brick column, kNone where that is not one of the lattice's.
 struct Found {
-  IVec3 column;
   ColumnCrossing crossing;
+  Index column;
 };
 
 std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice& lattice) {
@@ -45,7 +47,7 @@ std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice
   return out;
 }
 
-/// An edge from p to q seen from the columns of one x after another.
+/// An edge from p to q seen from the columns of one x after another, upwards in y.
 template <class Wide>
 class Side {
 public:
@@ -53,15 +55,19 @@ public:
     const Wide decides = uy_ != 0 ? -uy_ : ux_;
     tie_ = decides > 0 ? 1 : decides < 0 ? -1 : 0;
   }
-  void move_to(std::int64_t x) { across_ = uy_ * (x - px_); }
+  void move_to(std::int64_t x, std::int64_t y) { value_ = ux_ * (y - py_) - uy_ * (x - px_); }
+  void step() { value_ += ux_ * kOne; }
 
   /// Twice the signed area of p, q and the column.
-  Wide value(std::int64_t y) const { return ux_ * (y - py_) - across_; }
-  /// Of a value, once the column has moved by (eps, eps^2).
-  int sign(Wide value) const { return value > 0 ? 1 : value < 0 ? -1 : tie_; }
+  Wide value() const { return value_; }
+  /// Its sign, never 0, once the column has moved by (eps, eps^2).
+  Wide signed_value() const { return 2 * value_ + tie_; }
+  /// An edge along z, which no column tells from a point.
+  bool vanishes() const { return tie_ == 0; }
 
 private:
-  Wide ux_, uy_, across_ = 0;
+  static constexpr Wide kOne = Wide{1} << kFraction;
+  Wide ux_, uy_, value_ = 0;
   std::int64_t px_, py_;
   int tie_;
 };
@@ -73,54 +79,89 @@ std::int64_t floor_corner(std::int64_t v) {
   return v >> kFraction;
 }
 
-/// Adds a crossing at corner column (x, y) to the brick column that owns it and to those that share it.
-void add(std::vector<Found>& out, int x, int y, const ColumnCrossing& crossing) {
-  const int bx = x >> 3, by = y >> 3;
-  for (int dx = 0; dx <= (x & 7 ? 0 : 1); ++dx)
-    for (int dy = 0; dy <= (y & 7 ? 0 : 1); ++dy) {
-      Found f{IVec3(bx - dx, by - dy, 0), crossing};
-      f.crossing.row = static_cast<std::uint8_t>(((x & 7) + kCells * dx) * kCorners + (y & 7) + kCells * dy);
-      out.push_back(f);
-    }
-}
+/// Collects crossings of a run of triangles.
+class Finder {
+public:
+  /// `index`: the lattice's brick columns.
+  explicit Finder(const BrickLattice& index) : index_(index) {}
 
-/// Columns x0..x1, y0..y1 through the triangle.
-template <class Wide>
-void cross(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle, const glm::ivec2& low,
-           const glm::ivec2& high, std::vector<Found>& out) {
-  Side<Wide> bc(b, c), ca(c, a), ab(a, b);
-  const double lowest = std::min({a.z, b.z, c.z}), highest = std::max({a.z, b.z, c.z});
-  for (int x = low.x; x <= high.x; ++x) {
-    for (Side<Wide>* side : {&bc, &ca, &ab}) side->move_to(std::int64_t{x} << kFraction);
-    for (int y = low.y; y <= high.y; ++y) {
-      const std::int64_t py = std::int64_t{y} << kFraction;
-      const Wide sa = bc.value(py), sb = ca.value(py), sc = ab.value(py);
-      const int sign = bc.sign(sa);
-      if (sign == 0 || sign != ca.sign(sb) || sign != ab.sign(sc)) continue;
-      const double wa = static_cast<double>(sa), wb = static_cast<double>(sb), wc = static_cast<double>(sc);
-      const double z = std::clamp((wa * a.z + wb * b.z + wc * c.z) / (wa + wb + wc), lowest, highest);
-      ColumnCrossing crossing;
-      crossing.first = static_cast<std::int32_t>(std::ceil(z));
-      crossing.step = static_cast<std::int8_t>(-sign);  // of the winding number
-      crossing.triangle = triangle;
-      add(out, x, y, crossing);
+  void triangle(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle) {
+    const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
+    const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
+    const glm::ivec2 low(ceil_corner(x0), ceil_corner(y0)), high(floor_corner(x1), floor_corner(y1));
+    if (low.x > high.x || low.y > high.y) return;
+    if (x1 - x0 < kShortSpan && y1 - y0 < kShortSpan)
+      cross<std::int64_t>(a, b, c, triangle, low, high);
+    else
+      cross<__int128>(a, b, c, triangle, low, high);
+  }
+
+  std::vector<Found> found;
+  std::vector<std::pair<std::size_t, IVec3>> stray;  // positions in `found`: crossings in other columns, and these
+
+private:
+  /// Columns low..high through the triangle.
+  template <class Wide>
+  void cross(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle, const glm::ivec2& low,
+             const glm::ivec2& high) {
+    Side<Wide> bc(b, c), ca(c, a), ab(a, b);
+    if (bc.vanishes() || ca.vanishes() || ab.vanishes()) return;
+    const double lowest = std::min({a.z, b.z, c.z}), highest = std::max({a.z, b.z, c.z});
+    struct Hit {
+      Wide a, b, c;
+      int y;
+    };
+    std::array<Hit, kHits> hit;
+    for (int x = low.x; x <= high.x; ++x) {
+      for (Side<Wide>* side : {&bc, &ca, &ab})
+        side->move_to(std::int64_t{x} << kFraction, std::int64_t{low.y} << kFraction);
+      for (int y = low.y; y <= high.y;) {
+        int hits = 0;  // gathered without a branch: no processor foresees which columns meet the triangle
+        for (const int end = std::min(high.y, y + kHits - 1); y <= end; ++y, bc.step(), ca.step(), ab.step()) {
+          hit[hits] = {bc.value(), ca.value(), ab.value(), y};
+          const Wide sign = bc.signed_value();
+          hits += ((sign ^ ca.signed_value()) | (sign ^ ab.signed_value())) >= 0;
+        }
+        for (int i = 0; i < hits; ++i) {
+          const double wa = static_cast<double>(hit[i].a), wb = static_cast<double>(hit[i].b),
+                       wc = static_cast<double>(hit[i].c);
+          const double z = std::clamp((wa * a.z + wb * b.z + wc * c.z) / (wa + wb + wc), lowest, highest);
+          ColumnCrossing crossing;
+          crossing.first = static_cast<std::int32_t>(std::ceil(z));
+          crossing.step = wa + wb + wc > 0.0 ? -1 : 1;  // of the winding number
+          crossing.triangle = triangle;
+          add(x, hit[i].y, crossing);
+        }
+      }
     }
   }
-}
 
-void cross_triangle(const TriangleMesh& mesh, const std::vector<Rounded>& vertex, Index triangle,
-                    std::vector<Found>& out) {
-  const Rounded &a = vertex[mesh.vertex[3 * triangle]], &b = vertex[mesh.vertex[3 * triangle + 1]],
-                &c = vertex[mesh.vertex[3 * triangle + 2]];
-  const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
-  const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
-  const bool small = x1 - x0 < kShortSpan && y1 - y0 < kShortSpan;
-  const glm::ivec2 low(ceil_corner(x0), ceil_corner(y0)), high(floor_corner(x1), floor_corner(y1));
-  if (small)
-    cross<std::int64_t>(a, b, c, triangle, low, high, out);
-  else
-    cross<__int128>(a, b, c, triangle, low, high, out);
-}
+  /// Adds a crossing at corner column (x, y) to the brick column that owns it and to those that share it.
+  void add(int x, int y, const ColumnCrossing& crossing) {
+    const int bx = x >> 3, by = y >> 3;
+    for (int dx = 0; dx <= (x & 7 ? 0 : 1); ++dx)
+      for (int dy = 0; dy <= (y & 7 ? 0 : 1); ++dy) {
+        const IVec3 column(bx - dx, by - dy, 0);
+        found.push_back({crossing, number_of(column)});
+        found.back().crossing.row =
+            static_cast<std::uint8_t>(((x & 7) + kCells * dx) * kCorners + (y & 7) + kCells * dy);
+        if (last_number_ == kNone) stray.emplace_back(found.size() - 1, column);
+      }
+  }
+
+  /// Most columns are that of the crossing before.
+  Index number_of(const IVec3& column) {
+    if (column != last_) {
+      last_ = column;
+      last_number_ = index_.find(column);
+    }
+    return last_number_;
+  }
+
+  const BrickLattice& index_;
+  IVec3 last_{0, 0, 1};  // no column
+  Index last_number_ = kNone;
+};
 
 /// Sorts by row, then by first; those alike in both stay in order.
 void sort_column(std::span<ColumnCrossing> column) {
@@ -138,8 +179,8 @@ void sort_column(std::span<ColumnCrossing> column) {
   }
 }
 
-/// Brick columns: those of the lattice, in order, then the others in which crossings were found.
-BrickLattice list_columns(const BrickLattice& lattice, const std::vector<std::vector<Found>>& found, MeshColumns& out) {
+/// The lattice's brick columns, in order; returns them as something that finds their numbers.
+BrickLattice list_columns(const BrickLattice& lattice, MeshColumns& out) {
   for (std::size_t b = 0; b < lattice.brick_count(); ++b) {
     const IVec3 c(lattice.coordinate[b].x, lattice.coordinate[b].y, 0);
     if (!out.column.empty() && out.column.back() == c) continue;
@@ -149,22 +190,23 @@ BrickLattice list_columns(const BrickLattice& lattice, const std::vector<std::ve
   BrickLattice index;
   index.coordinate = out.column;
   index.build_index();
-  std::vector<std::vector<IVec3>> others(found.size());
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t k) {
-    for (const Found& f : found[k])
-      if (index.find(f.column) == kNone && (others[k].empty() || others[k].back() != f.column))
-        others[k].push_back(f.column);
-  });
-  std::vector<IVec3> more;
-  for (const auto& o : others) more.insert(more.end(), o.begin(), o.end());
-  std::sort(more.begin(), more.end(),
-            [](const IVec3& a, const IVec3& b) { return std::tie(a.x, a.y) < std::tie(b.x, b.y); });
-  more.erase(std::unique(more.begin(), more.end()), more.end());
-  out.column.insert(out.column.end(), more.begin(), more.end());
-  out.first_brick.resize(out.column.size() + 1, static_cast<Index>(lattice.brick_count()));
-  index.coordinate = out.column;
-  index.build_index();
   return index;
+}
+
+/// Columns that only the mesh reaches come after the lattice's, in order.
+void add_stray_columns(std::vector<Finder>& chunks, MeshColumns& out) {
+  const auto sooner = [](const IVec3& a, const IVec3& b) { return std::tie(a.x, a.y) < std::tie(b.x, b.y); };
+  std::vector<IVec3> more;
+  for (const Finder& chunk : chunks)
+    for (const auto& [at, column] : chunk.stray) more.push_back(column);
+  std::sort(more.begin(), more.end(), sooner);
+  more.erase(std::unique(more.begin(), more.end()), more.end());
+  const Index first = static_cast<Index>(out.column.size());
+  for (Finder& chunk : chunks)
+    for (const auto& [at, column] : chunk.stray)
+      chunk.found[at].column =
+          first + static_cast<Index>(std::lower_bound(more.begin(), more.end(), column, sooner) - more.begin());
+  out.column.insert(out.column.end(), more.begin(), more.end());
 }
 
 }  // namespace
@@ -172,30 +214,27 @@ BrickLattice list_columns(const BrickLattice& lattice, const std::vector<std::ve
 MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice) {
   MeshColumns out;
   const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
+  const BrickLattice index = list_columns(lattice, out);
   const std::size_t triangles = mesh.triangle_count();
-  std::vector<std::vector<Found>> found((triangles + kChunk - 1) / kChunk);
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t k) {
+  std::vector<Finder> chunks((triangles + kChunk - 1) / kChunk, Finder(index));
+  tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t k) {
+    chunks[k].found.reserve(2 * kChunk);
     for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t)
-      cross_triangle(mesh, vertex, static_cast<Index>(t), found[k]);
+      chunks[k].triangle(vertex[mesh.vertex[3 * t]], vertex[mesh.vertex[3 * t + 1]], vertex[mesh.vertex[3 * t + 2]],
+                         static_cast<Index>(t));
   });
-  const BrickLattice index = list_columns(lattice, found, out);
+  add_stray_columns(chunks, out);
+  out.first_brick.resize(out.column.size() + 1, static_cast<Index>(lattice.brick_count()));
 
   // A counting sort by column. Its chunks are scattered in order, so a column has its triangles in order.
-  std::vector<std::vector<Index>> where(found.size());
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t k) {
-    where[k].resize(found[k].size());
-    for (std::size_t i = 0; i < found[k].size(); ++i)
-      where[k][i] =
-          i > 0 && found[k][i].column == found[k][i - 1].column ? where[k][i - 1] : index.find(found[k][i].column);
-  });
   out.first.assign(out.column.size() + 1, 0);
-  for (const auto& w : where)
-    for (const Index c : w) ++out.first[c + 1];
-  for (std::size_t c = 0; c < out.column.size(); ++c) out.first[c + 1] += out.first[c];
+  for (const Finder& chunk : chunks)
+    for (const Found& f : chunk.found) ++out.first[f.column + 1];
+  std::partial_sum(out.first.begin(), out.first.end(), out.first.begin());
   out.crossing.resize(out.first.back());
   std::vector<Index> slot(out.first.begin(), out.first.end() - 1);
-  for (std::size_t k = 0; k < found.size(); ++k)
-    for (std::size_t i = 0; i < found[k].size(); ++i) out.crossing[slot[where[k][i]]++] = found[k][i].crossing;
+  for (const Finder& chunk : chunks)
+    for (const Found& f : chunk.found) out.crossing[slot[f.column]++] = f.crossing;
   tbb::parallel_for(std::size_t{0}, out.column.size(), [&](std::size_t c) {
     sort_column(std::span(out.crossing).subspan(out.first[c], out.first[c + 1] - out.first[c]));
   });
@@ -229,6 +268,41 @@ std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLa
       while (next < columns.first[c + 1] && columns.crossing[next].row == row) ++next;
     }
   });
+  return out;
+}
+
+std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
+                                         const std::vector<BrickSigns>& signs) {
+  constexpr unsigned kAll = 0x1ff;
+  const MeshColumns columns = cross_columns(mesh, lattice);
+  std::vector<std::vector<DifferingRow>> found(columns.column.size());
+  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
+    Index next = columns.first[c];
+    for (int row = 0; row < kCorners * kCorners; ++row) {
+      int winding = 0;
+      for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b) {
+        const int low = lattice.coordinate[b].z * kCells;
+        // Of the corners from the last crossing on; those below have been seen to.
+        unsigned once = winding == 1 ? kAll : 0, never = winding == 0 ? kAll : 0;
+        for (; next < columns.first[c + 1] && columns.crossing[next].row == row &&
+               columns.crossing[next].first <= low + kCells;
+             ++next) {
+          winding += columns.crossing[next].step;
+          const unsigned above = kAll << std::max(0, columns.crossing[next].first - low);
+          once = winding == 1 ? once | above : once & ~above;
+          never = winding == 0 ? never | above : never & ~above;
+        }
+        const unsigned inside = signs[b].row[row], corners = kAll & ~((once & inside) | (never & ~inside));
+        if (corners) found[c].push_back({b, static_cast<std::uint16_t>(corners), static_cast<std::uint8_t>(row)});
+      }
+      while (next < columns.first[c + 1] && columns.crossing[next].row == row) ++next;
+    }
+    std::sort(found[c].begin(), found[c].end(), [](const DifferingRow& p, const DifferingRow& q) {
+      return std::tie(p.brick, p.row) < std::tie(q.brick, q.row);
+    });
+  });
+  std::vector<DifferingRow> out;
+  for (const auto& f : found) out.insert(out.end(), f.begin(), f.end());
   return out;
 }
 

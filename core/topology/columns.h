@@ -6,6 +6,7 @@
 
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/brick_signs.h"
 
 namespace isoskin {
 
@@ -34,5 +35,16 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice)
 
 /// Winding number of the mesh at each corner of each brick, same layout as BrickLattice::value.
 std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice);
+
+/// A row of a brick with corners whose winding number is not 1 inside and 0 outside: bit z of `corners`.
+struct DifferingRow {
+  Index brick = kNone;
+  std::uint16_t corners = 0;
+  std::uint8_t row = 0;  // 9 * x + y
+};
+
+/// All of them, by brick, then by row. Costs a fraction of winding_numbers(). `signs`: of the lattice, one a brick.
+std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
+                                         const std::vector<BrickSigns>& signs);
 
 }  // namespace isoskin

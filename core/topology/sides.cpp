@@ -63,7 +63,6 @@ struct Walk {
   const LatticeTopology& topology;
   const MeshColumns& columns;
   const FarCorners far;
-  const std::vector<BrickSigns>& signs;
   SideReport& report;
   std::atomic<std::size_t> checked{0}, wrong{0};
 };
@@ -84,10 +83,28 @@ public:
     if (owned()) ++wrong;
   }
 
-  /// Nothing happens in the brick: neither mesh nor field changes sides, and they agree.
-  bool passes(int low, unsigned inside) const {
-    if (mismatch_ != 0 || inside != (inside_ ? 0x1ffu : 0u)) return false;
-    return next_ >= end_ || crossing(next_).first > low + kCells;
+  /// Passes a brick that begins at corner `low`, from its corner `from` on, when nothing in it is to blame: mesh and
+  /// field agree, but for corners near the surface in its midst. Else it stays before the brick.
+  bool passes(Index brick, int low, int from, unsigned inside) {
+    if (mismatch_ != 0) return false;
+    Index next = next_;
+    int winding = winding_;
+    unsigned wound = winding_ != 0 ? kAll : 0;
+    for (; next < end_ && crossing(next).first <= low + kCells; ++next) {
+      winding += crossing(next).step;
+      if (winding != 0 && winding != 1) return false;
+      const unsigned above = kAll << std::max(0, crossing(next).first - low);
+      wound = winding ? wound | above : wound & ~above;
+    }
+    unsigned differing = (wound ^ inside) & kAll & kAll << from;
+    if (differing >> kCells) return false;
+    const float* value = &walk_.lattice.value[std::size_t{brick} * kValues] + row_ * kCorners;
+    for (; differing; differing &= differing - 1)
+      if (!(std::abs(double(value[std::countr_zero(differing)])) <= walk_.far.threshold())) return false;
+    next_ = next;
+    winding_ = winding;
+    inside_ = inside >> kCells;
+    return true;
   }
 
   /// Corners up to `last` that no brick covers: F keeps its sign.
@@ -107,6 +124,8 @@ public:
   std::size_t wrong = 0;
 
 private:
+  static constexpr unsigned kAll = 0x1ff;  // of the corners of a row
+
   struct Causes {
     Index first = 0, last = 0;  // crossings
     Index piece = kNone;        // lattice piece whose crossing changed the sign
@@ -181,7 +200,7 @@ void walk_column(Walk& walk, std::size_t c) {
           column.gap_goes_on((walk.lattice.coordinate[b - 1].z + 1) * kCells + 1, low - 1);
         column.gap(low - 1);
       }
-      if (column.passes(low, walk.signs[b].row[row])) continue;
+      if (column.passes(b, low, adjoins ? 1 : 0, walk.topology.signs[b].row[row])) continue;
       for (int z = adjoins ? 1 : 0; z < kCorners; ++z) column.corner(b, z);
     }
     column.gap(kTop);
@@ -189,12 +208,6 @@ void walk_column(Walk& walk, std::size_t c) {
     next = end;
   }
   walk.wrong.fetch_add(wrong, std::memory_order_relaxed);
-}
-
-std::vector<BrickSigns> brick_signs(const BrickLattice& lattice) {
-  std::vector<BrickSigns> signs(lattice.brick_count());
-  for_each_index(signs.size(), [&](std::size_t b) { signs[b] = BrickSigns(&lattice.value[b * kValues]); });
-  return signs;
 }
 
 std::size_t count_far(const BrickLattice& lattice, const FarCorners& far) {
@@ -231,13 +244,15 @@ bool FarCorners::operator()(const float* value, int x, int y, int z) const {
 }
 
 std::size_t FarCorners::count(const float* value) const {
-  std::size_t count = 0;
+  float limit = static_cast<float>(threshold());  // no float lies between it and the threshold
+  if (limit > threshold()) limit = std::nextafter(limit, 0.0f);
+  int count = 0;
   for (int x = 0; x < kCells; ++x)
-    for (int y = 0; y < kCells; ++y)
-      for (int z = 0; z < kCells; ++z)
-        count += distances_ ? std::abs(static_cast<double>(value[(x * kCorners + y) * kCorners + z])) > threshold()
-                            : (*this)(value, x, y, z);
-  return count;
+    for (int y = 0; y < kCells; ++y) {
+      const float* row = value + (x * kCorners + y) * kCorners;
+      for (int z = 0; z < kCells; ++z) count += distances_ ? std::abs(row[z]) > limit : (*this)(value, x, y, z);
+    }
+  return static_cast<std::size_t>(count);
 }
 
 bool FarCorners::is_far(double value, double slope, double share) const {
@@ -250,8 +265,7 @@ SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
   const MeshColumns columns = cross_columns(mesh, lattice);
-  const std::vector<BrickSigns> signs = brick_signs(lattice);
-  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), signs, report};
+  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), report};
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) { walk_column(walk, c); });
   report.checked = count_far(lattice, walk.far);
   report.wrong = walk.wrong;
