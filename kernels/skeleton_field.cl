@@ -1,4 +1,5 @@
-// Field part of a program: SkeletonField (core/field/skeleton_field.h) over a packet of points. Compact elements far
+// Field part of a program: SkeletonField (core/field/skeleton_field.h) over a packet of points. Triangles and boxes are
+// known with SOLIDS, norms other than 2 with GENERAL_NORM. Compact elements far
 // from a point are skipped through a uniform grid of element lists; the others are in the list of all points. With
 // GROUPS it is a BlendGraphField, and every group's elements are added in turn.
 enum { INVERSE_SQUARE, CAUCHY, METABALL, BLINN, WYVILL };
@@ -16,8 +17,21 @@ typedef struct {
   float scale[3];  // of the potential's value, twice its first and four times its second derivative by d^2
   float norm;
   int potential;
-  int more_unused[2];
+  int solid;  // index of the SkeletonSolid among the elements; 0 for points and segments
+  int more_unused;
 } SkeletonElement;
+
+// The other half of a triangle or a box; as large as an element.
+typedef struct {
+  float ac[3];
+  float over_ac2;
+  float ad[3];  // of a triangle: its unit normal, 0 where it is flat
+  float over_ad2;
+  float to_b[3];  // dot product with p - a: the share of corner b in the nearest point of the triangle's plane
+  float over_bc2;
+  float to_c[3];
+  int is_box;
+} SkeletonSolid;
 
 typedef struct {
   Origin origin;
@@ -87,6 +101,38 @@ INLINE Profile profile(const SkeletonElement e, vfloat s) {
   return f;
 }
 
+// Orthonormal directions along which an element's nearest point follows p; zero where there are none.
+typedef struct {
+  vec3v a;
+#ifdef SOLIDS
+  vec3v b, c;
+#endif
+} Slides;
+
+INLINE vec3v times(vfloat t, vec3v v) {
+  return (vec3v){t * v.x, t * v.y, t * v.z};
+}
+
+INLINE vec3v packet(const float* v) {
+  return (vec3v){(vfloat)(v[0]), (vfloat)(v[1]), (vfloat)(v[2])};
+}
+
+INLINE vec3v across_one(vec3v g, vec3v slide) {
+  const vfloat along = dot3(g, slide);
+  g.x -= along * slide.x;
+  g.y -= along * slide.y;
+  g.z -= along * slide.z;
+  return g;
+}
+
+INLINE vec3v across(vec3v g, Slides slides) {
+  g = across_one(g, slides.a);
+#ifdef SOLIDS
+  g = across_one(across_one(g, slides.b), slides.c);
+#endif
+  return g;
+}
+
 #ifdef GENERAL_NORM
 INLINE vfloat diagonal_power(vfloat x, vfloat over_d, float norm) {
   return powr(fmax(fabs(x) * over_d, LEAST_SHARE), (vfloat)(norm - 2.0f));
@@ -101,15 +147,7 @@ INLINE vfloat norm_of(vec3v x, float norm) {
   return most * powr(fmax(sum, 1.0f), (vfloat)(1.0f / norm));
 }
 
-INLINE vec3v across(vec3v g, vec3v slide) {
-  const vfloat along = dot3(g, slide);
-  g.x -= along * slide.x;
-  g.y -= along * slide.y;
-  g.z -= along * slide.z;
-  return g;
-}
-
-INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, int with_hessian, SkeletonSum* sum) {
+INLINE void add_general(const SkeletonElement e, vec3v x, Slides slides, int with_hessian, SkeletonSum* sum) {
   const vfloat d = norm_of(x, e.norm);
   const vfloat over_d = 1.0f / fmax(d, FLT_MIN);
   const Profile f = profile(e, d * d);
@@ -122,7 +160,7 @@ INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, int with_
   const vint live = d > 0.0f;
   const vfloat slope = select((vfloat)(0.0f), f.slope * d, live);
   vec3v g = {slope * v.x, slope * v.y, slope * v.z};
-  g = across(g, slide);
+  g = across(g, slides);
   sum->value += f.value;
   sum->g.x += g.x;
   sum->g.y += g.y;
@@ -131,19 +169,19 @@ INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, int with_
   const vfloat outer = f.bend * d * d + f.slope * (2.0f - e.norm);
   const vfloat bend = f.slope * (e.norm - 1.0f);
   const vint steep = live && (f.slope != 0.0f || f.bend != 0.0f);
-  // keep h keep with keep = I - slide slide^T: rows first, then columns.
+  // keep h keep with keep = I - the slides' squares: rows first, then columns.
   vec3v row_x = {outer * v.x * v.x + bend * rx, outer * v.x * v.y, outer * v.x * v.z};
   vec3v row_y = {outer * v.y * v.x, outer * v.y * v.y + bend * ry, outer * v.y * v.z};
   vec3v row_z = {outer * v.z * v.x, outer * v.z * v.y, outer * v.z * v.z + bend * rz};
-  row_x = across(row_x, slide);
-  row_y = across(row_y, slide);
-  row_z = across(row_z, slide);
+  row_x = across(row_x, slides);
+  row_y = across(row_y, slides);
+  row_z = across(row_z, slides);
   vec3v column_x = {row_x.x, row_y.x, row_z.x};
   vec3v column_y = {row_x.y, row_y.y, row_z.y};
   vec3v column_z = {row_x.z, row_y.z, row_z.z};
-  column_x = across(column_x, slide);
-  column_y = across(column_y, slide);
-  column_z = across(column_z, slide);
+  column_x = across(column_x, slides);
+  column_y = across(column_y, slides);
+  column_z = across(column_z, slides);
   sum->xx += select((vfloat)(0.0f), column_x.x, steep);
   sum->yy += select((vfloat)(0.0f), column_y.y, steep);
   sum->zz += select((vfloat)(0.0f), column_z.z, steep);
@@ -153,8 +191,101 @@ INLINE void add_general(const SkeletonElement e, vec3v x, vec3v slide, int with_
 }
 #endif
 
-INLINE void add_element(const SkeletonElement e, vec3v p, int with_hessian, SkeletonSum* sum) {
+#ifdef SOLIDS
+// Takes from x what the nearest point does along an edge: `edge` from where x begins, `over` its squared length. The
+// direction, where that point is within.
+INLINE vec3v hold_along(vec3v edge, float over, vec3v* x) {
+  const vfloat t = dot3(*x, edge) * over;
+  const vfloat held = clamp(t, 0.0f, 1.0f);
+  x->x -= held * edge.x;
+  x->y -= held * edge.y;
+  x->z -= held * edge.z;
+  return times(select((vfloat)(0.0f), (vfloat)(sqrt(over)), t > 0.0f && t < 1.0f), edge);
+}
+
+INLINE vec3v choose(vec3v a, vec3v b, vint second) {
+  return (vec3v){select(a.x, b.x, second), select(a.y, b.y, second), select(a.z, b.z, second)};
+}
+
+typedef struct {  // the part of an element that holds the nearest point: p minus that point, along what it slides
+  vec3v x, slide;
+  vint sure;
+} Nearest;
+
+// The edge from where x begins: `outside` where p lies beyond it, seen from the triangle.
+INLINE void offer_edge(vec3v x, vec3v edge, float over, vint outside, Nearest* best) {
+  const vfloat t = dot3(x, edge) * over;
+  const vec3v slide = hold_along(edge, over, &x);
+  // Where squared distances are the same but for rounding, only the shares tell the edge from its ends.
+  const vint sure = outside && t > 0.0f && t < 1.0f;
+  const vint chosen = sure || (!best->sure && dot3(x, x) < dot3(best->x, best->x));
+  best->sure = best->sure || sure;
+  best->x = choose(best->x, x, chosen);
+  best->slide = choose(best->slide, slide, chosen);
+}
+
+// p - a becomes p minus the nearest point.
+INLINE Slides hold_in_triangle(const SkeletonElement e, const SkeletonSolid s, vec3v* x) {
+  const vec3v zero = {0.0f, 0.0f, 0.0f}, w = *x;
+  const vec3v ab = packet(e.ab), ac = packet(s.ac), normal = packet(s.ad);
+  const vec3v bc = {ac.x - ab.x, ac.y - ab.y, ac.z - ab.z}, from_b = {w.x - ab.x, w.y - ab.y, w.z - ab.z};
+  const vfloat of_b = dot3(w, packet(s.to_b)), of_c = dot3(w, packet(s.to_c)), of_a = 1.0f - of_b - of_c;
+  Nearest best = {w, zero, (vint)(0)};
+  offer_edge(w, ab, e.over_length2, of_c < 0.0f, &best);
+  offer_edge(w, ac, s.over_ac2, of_b < 0.0f, &best);
+  offer_edge(from_b, bc, s.over_bc2, of_a < 0.0f, &best);
+  const vint face = of_b > 0.0f && of_c > 0.0f && of_a > 0.0f;
+  const vec3v along = times((vfloat)(sqrt(e.over_length2)), ab);
+  const vec3v over = {normal.y * along.z - normal.z * along.y, normal.z * along.x - normal.x * along.z,
+                      normal.x * along.y - normal.y * along.x};
+  *x = choose(best.x, times(dot3(w, normal), normal), face);
+  return (Slides){choose(best.slide, along, face), choose(zero, over, face), zero};
+}
+
+INLINE void add_solid(const SkeletonElement e, const SkeletonSolid s, vec3v x, int with_hessian, SkeletonSum* sum) {
+  Slides slides;
+  if (s.is_box) {
+    slides.a = hold_along(packet(e.ab), e.over_length2, &x);
+    slides.b = hold_along(packet(s.ac), s.over_ac2, &x);
+    slides.c = hold_along(packet(s.ad), s.over_ad2, &x);
+  } else {
+    slides = hold_in_triangle(e, s, &x);
+  }
+  // Nothing is left along a slide but rounding, which a steep potential would make much of within a box.
+  x = across(x, slides);
+#ifdef GENERAL_NORM
+  if (e.norm != 2.0f) {
+    add_general(e, x, slides, with_hessian, sum);
+    return;
+  }
+#endif
+  const Profile f = profile(e, dot3(x, x));
+  sum->value += f.value;
+  sum->g.x = MUL_ADD(f.slope, x.x, sum->g.x);
+  sum->g.y = MUL_ADD(f.slope, x.y, sum->g.y);
+  sum->g.z = MUL_ADD(f.slope, x.z, sum->g.z);
+  if (!with_hessian) return;
+  // 4 f'' x x^T + 2 f' (I - the slides' squares).
+  const vec3v ones = across((vec3v){1.0f, 0.0f, 0.0f}, slides), twos = across((vec3v){0.0f, 1.0f, 0.0f}, slides),
+              threes = across((vec3v){0.0f, 0.0f, 1.0f}, slides);
+  sum->xx += f.bend * x.x * x.x + f.slope * ones.x;
+  sum->yy += f.bend * x.y * x.y + f.slope * twos.y;
+  sum->zz += f.bend * x.z * x.z + f.slope * threes.z;
+  sum->xy += f.bend * x.x * x.y + f.slope * ones.y;
+  sum->xz += f.bend * x.x * x.z + f.slope * ones.z;
+  sum->yz += f.bend * x.y * x.z + f.slope * twos.z;
+}
+#endif
+
+INLINE void add_element(FIELD_PARAMS, uint at, vec3v p, int with_hessian, SkeletonSum* sum) {
+  const SkeletonElement e = field_elements[field_list[at]];
   vec3v x = {p.x - e.a[0], p.y - e.a[1], p.z - e.a[2]};
+#ifdef SOLIDS
+  if (e.solid) {
+    add_solid(e, *(global const SkeletonSolid*)(field_elements + e.solid), x, with_hessian, sum);
+    return;
+  }
+#endif
   vfloat inside = 0.0f;  // 1 where the nearest point is within the segment
   if (e.over_length2 > 0.0f) {
     const vfloat t = (x.x * e.ab[0] + x.y * e.ab[1] + x.z * e.ab[2]) * e.over_length2;
@@ -167,8 +298,8 @@ INLINE void add_element(const SkeletonElement e, vec3v p, int with_hessian, Skel
 #ifdef GENERAL_NORM
   if (e.norm != 2.0f) {
     const float unit = sqrt(e.over_length2);
-    const vec3v slide = {inside * (e.ab[0] * unit), inside * (e.ab[1] * unit), inside * (e.ab[2] * unit)};
-    add_general(e, x, slide, with_hessian, sum);
+    const Slides slides = {{inside * (e.ab[0] * unit), inside * (e.ab[1] * unit), inside * (e.ab[2] * unit)}};
+    add_general(e, x, slides, with_hessian, sum);
     return;
   }
 #endif
@@ -196,7 +327,7 @@ INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   for (uint group = 0; group < field.always; ++group) {
     SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     for (uint at = field_first[group]; at < field_first[group + 1]; ++at)
-      add_element(field_elements[field_list[at]], p, with_hessian, &sum);
+      add_element(FIELD_ARGS, at, p, with_hessian, &sum);
     const vint more = sum.value > best.value;
     best.value = select(best.value, sum.value, more);
     best.g.x = select(best.g.x, sum.g.x, more);
@@ -235,7 +366,7 @@ INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   vec3v here = p;
   uint at = 0, end = field.always;
   for (;;) {
-    for (; at < end; ++at) add_element(field_elements[field_list[at]], here, with_hessian, &sum);
+    for (; at < end; ++at) add_element(FIELD_ARGS, at, here, with_hessian, &sum);
     const int cell = least(cells);
     if (cell == INT_MAX) return sum;
     const vint mine = cells == cell;

@@ -2,6 +2,7 @@
 #include "core/field/blend_graph.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 
@@ -25,9 +26,22 @@ struct SkeletonElementData {  // SkeletonElement in skeleton_field.cl
   float scale[3];
   float norm;
   cl_int potential;
-  cl_int more_unused[2];
+  cl_int solid;
+  cl_int more_unused;
 };
 static_assert(sizeof(SkeletonElementData) == 64);
+
+struct SkeletonSolidData {  // SkeletonSolid in skeleton_field.cl
+  float ac[3];
+  float over_ac2;
+  float ad[3];
+  float over_ad2;
+  float to_b[3];
+  float over_bc2;
+  float to_c[3];
+  cl_int is_box;
+};
+static_assert(sizeof(SkeletonSolidData) == sizeof(SkeletonElementData));
 
 struct SkeletonParams {
   Origin origin;
@@ -39,20 +53,9 @@ struct SkeletonParams {
 };
 static_assert(sizeof(SkeletonParams) == 60);
 
-bool is_compact(const SkeletonElement& e) {
-  return e.potential == Potential::metaball || e.potential == Potential::wyvill;
-}
-
 /// Euclidean distance within which a compact element may be felt.
 double reach(const SkeletonElement& e) {
   return e.radius * std::max(1.0, std::pow(3.0, 0.5 - 1.0 / e.norm));
-}
-
-double distance_to_segment(const DVec3& p, const SkeletonElement& e) {
-  const DVec3 ab = e.b - e.a;
-  const double length2 = glm::dot(ab, ab);
-  const double t = length2 > 0.0 ? std::clamp(glm::dot(p - e.a, ab) / length2, 0.0, 1.0) : 0.0;
-  return glm::length(p - (e.a + t * ab));
 }
 
 /// Factors that profile() in skeleton_field.cl leaves out of the value, twice the first and four times the second
@@ -74,14 +77,21 @@ DVec3 profile_scale(const SkeletonElement& e) {
   return DVec3(0.0);
 }
 
+void set(float (&to)[3], const DVec3& v) {
+  for (int i = 0; i < 3; ++i) to[i] = static_cast<float>(v[i]);
+}
+
+/// 1 / |v|^2, or 0 where that is no float.
+float over_square(const DVec3& v) {
+  const float over = static_cast<float>(1.0 / glm::dot(v, v));
+  return std::isfinite(over) ? over : 0.0f;
+}
+
 SkeletonElementData pack(const SkeletonElement& e, const DVec3& origin) {
-  const DVec3 a = e.a - origin, ab = e.b - e.a;
-  const double length2 = glm::dot(ab, ab);
-  const float over_length2 = static_cast<float>(1.0 / length2);
   SkeletonElementData data{};
-  for (int i = 0; i < 3; ++i) data.a[i] = static_cast<float>(a[i]);
-  for (int i = 0; i < 3; ++i) data.ab[i] = static_cast<float>(ab[i]);
-  data.over_length2 = std::isfinite(over_length2) ? over_length2 : 0.0f;
+  set(data.a, e.a - origin);
+  set(data.ab, e.b - e.a);
+  data.over_length2 = over_square(e.b - e.a);
   data.over_radius2 = static_cast<float>(1.0 / (e.radius * e.radius));
   const DVec3 scale = e.weight * profile_scale(e);
   for (int i = 0; i < 3; ++i) data.scale[i] = static_cast<float>(scale[i]);
@@ -90,11 +100,33 @@ SkeletonElementData pack(const SkeletonElement& e, const DVec3& origin) {
   return data;
 }
 
+SkeletonElementData pack_solid(const SkeletonElement& e) {
+  const DVec3 ab = e.b - e.a, ac = e.c - e.a;
+  SkeletonSolidData data{};
+  set(data.ac, ac);
+  data.over_ac2 = over_square(ac);
+  data.is_box = e.shape == Shape::box;
+  if (data.is_box) {
+    set(data.ad, e.d - e.a);
+    data.over_ad2 = over_square(e.d - e.a);
+  } else {
+    const DVec3 normal = glm::cross(ab, ac);
+    const double square = glm::dot(normal, normal);
+    data.over_bc2 = over_square(ac - ab);
+    if (std::isfinite(1.0 / square)) {
+      set(data.ad, normal / std::sqrt(square));
+      set(data.to_b, glm::cross(ac, normal) / square);
+      set(data.to_c, glm::cross(normal, ab) / square);
+    }
+  }
+  return std::bit_cast<SkeletonElementData>(data);
+}
+
 /// Elements in the order the kernel adds them: those that reach every point first, then by kind, so that the branch on
 /// the kind is foreseeable.
 std::vector<SkeletonElement> in_order(std::vector<SkeletonElement> elements) {
   const auto key = [](const SkeletonElement& e) {
-    return std::tuple(is_compact(e), e.potential, e.a != e.b, e.norm != 2.0);
+    return std::tuple(is_compact(e), e.potential, e.shape, e.a != e.b, e.norm != 2.0);
   };
   std::stable_sort(elements.begin(), elements.end(),
                    [&](const SkeletonElement& a, const SkeletonElement& b) { return key(a) < key(b); });
@@ -119,15 +151,15 @@ CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t com
   double sum = 0.0;
   for (std::size_t i = compact_first; i < elements.size(); ++i) {
     const double r = reach(elements[i]);
-    for (const DVec3& end : {elements[i].a, elements[i].b}) box.add(Box{end - r, end + r});
+    box.add(extent(elements[i]).grown(r));
     sum += r;
   }
-  const DVec3 extent = box.size();
+  const DVec3 room = box.size();
   const double wanted = sum / static_cast<double>(elements.size() - compact_first) / kCellsPerReach;
-  grid.cell = std::max(wanted, std::max({extent.x, extent.y, extent.z}) / kMostCells);
+  grid.cell = std::max(wanted, std::max({room.x, room.y, room.z}) / kMostCells);
   grid.low = box.low;
   for (int i = 0; i < 3; ++i)
-    grid.size[i] = std::clamp(static_cast<int>(std::ceil(extent[i] / grid.cell)), 1, kMostCells + 1);
+    grid.size[i] = std::clamp(static_cast<int>(std::ceil(room[i] / grid.cell)), 1, kMostCells + 1);
 
   const auto for_each_cell = [&](std::size_t i, const auto& body) {
     const SkeletonElement& e = elements[i];
@@ -135,12 +167,12 @@ CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t com
     const auto cell_of = [&](const DVec3& p) {
       return glm::clamp(IVec3(glm::floor((p - grid.low) / grid.cell)), IVec3(0), grid.size - 1);
     };
-    const IVec3 from = cell_of(glm::min(e.a, e.b) - reach(e) - kRoundingSlack * grid.cell);
-    const IVec3 to = cell_of(glm::max(e.a, e.b) + reach(e) + kRoundingSlack * grid.cell);
+    const Box felt = extent(e).grown(reach(e) + kRoundingSlack * grid.cell);
+    const IVec3 from = cell_of(felt.low), to = cell_of(felt.high);
     for (int x = from.x; x <= to.x; ++x)
       for (int y = from.y; y <= to.y; ++y)
         for (int z = from.z; z <= to.z; ++z)
-          if (distance_to_segment(grid.low + grid.cell * (DVec3(x, y, z) + 0.5), e) <= near)
+          if (glm::length(offset_from(e, grid.low + grid.cell * (DVec3(x, y, z) + 0.5)).x) <= near)
             body((static_cast<std::size_t>(x) * grid.size.y + y) * grid.size.z + z);
   };
   const std::size_t cells = static_cast<std::size_t>(grid.size.x) * grid.size.y * grid.size.z;
@@ -177,7 +209,8 @@ public:
 
   const char* source() const override { return source::skeleton_field; }
   std::string build_options() const override {
-    return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "") + (groups_ ? " -DGROUPS" : "");
+    return "-DVW=" + std::to_string(width_) + (general_norm_ ? " -DGENERAL_NORM" : "") + (solids_ ? " -DSOLIDS" : "") +
+           (groups_ ? " -DGROUPS" : "");
   }
   int width() const override { return width_; }
   const Origin& origin() const override { return params_.origin; }
@@ -213,13 +246,16 @@ private:
 
   void assign(const std::vector<SkeletonElement>& elements, const CellGrid& grid, std::size_t always, double iso) {
     Box box;
-    for (const SkeletonElement& e : elements) {
-      box.add(e.a);
-      box.add(e.b);
-    }
+    for (const SkeletonElement& e : elements) box.add(extent(e));
     const DVec3 origin = box.empty() ? DVec3(0.0) : box.center();
     std::vector<SkeletonElementData> data;
     for (const SkeletonElement& e : elements) data.push_back(pack(e, origin));
+    for (std::size_t i = 0; i < elements.size(); ++i) {
+      if (elements[i].shape == Shape::segment) continue;
+      data[i].solid = static_cast<cl_int>(data.size());
+      data.push_back(pack_solid(elements[i]));
+    }
+    solids_ = data.size() > elements.size();
     elements_.assign(data);
     first_.assign(grid.first);
     list_.assign(grid.list);
@@ -236,7 +272,7 @@ private:
   Array<SkeletonElementData> elements_;
   Array<cl_uint> first_, list_;
   SkeletonParams params_{};
-  bool general_norm_ = false, groups_ = false;
+  bool general_norm_ = false, solids_ = false, groups_ = false;
 };
 
 }  // namespace

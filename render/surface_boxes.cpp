@@ -83,9 +83,7 @@ public:
 
   /// Whether some elements reach so far only that leaving them out is exact.
   bool worthwhile() const {
-    return std::any_of(field_.elements().begin(), field_.elements().end(), [](const SkeletonElement& e) {
-      return e.potential == Potential::metaball || e.potential == Potential::wyvill;
-    });
+    return std::any_of(field_.elements().begin(), field_.elements().end(), is_compact);
   }
 
   void narrow(std::vector<SurfaceBox>& boxes) {

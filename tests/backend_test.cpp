@@ -89,6 +89,12 @@ const std::vector<FieldCase>& fields() {
          skeleton({element(a, a, 0.5, 1, 2, inverse_square), element(b, c, 0.4, 1, 2, inverse_square)}, 1.0),
          {a, b, c, 0.5 * (b + c)}},
         {"four norm", skeleton({element(a, b, 1.0, 1, 4, metaball)}, 0.4), {}},
+        {"triangle and box",
+         skeleton({{a, b, 1.1, 1, 2, metaball, Shape::triangle, c},
+                   {DVec3(0, -0.5, 0), DVec3(0.4, -0.2, 0), 0.9, 1, 2, wyvill, Shape::box, DVec3(-0.3, -0.1, 0),
+                    DVec3(0, -0.5, 0.4)}},
+                  0.5),
+         {}},
         {"cubic grid", grid_ball(Interpolation::cubic), {}},
         {"linear grid", grid_ball(Interpolation::linear), {}},
     };

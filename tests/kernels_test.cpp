@@ -39,7 +39,7 @@ std::vector<Vec3> random_points(std::size_t n, double extent, DVec3 center = DVe
 
 std::shared_ptr<const SkeletonField> random_skeleton(std::size_t n, const std::vector<Potential>& potentials,
                                                      const std::vector<double>& norms, double radius, bool segments,
-                                                     DVec3 center = DVec3(0)) {
+                                                     DVec3 center = DVec3(0), bool solids = false) {
   std::mt19937 random(unsigned(n) * 7 + 1);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   std::vector<SkeletonElement> elements(n);
@@ -51,6 +51,13 @@ std::shared_ptr<const SkeletonField> random_skeleton(std::size_t n, const std::v
     e.weight = i % 5 == 4 ? -0.5 : 1.0;
     e.potential = potentials[i % potentials.size()];
     e.norm = norms[i % norms.size()];
+    if (!solids || i % 3 == 0) continue;
+    const DVec3 u(uniform(random), uniform(random), uniform(random)),
+        v(uniform(random), uniform(random), uniform(random));
+    e.shape = i % 3 == 1 ? Shape::triangle : Shape::box;
+    e.b = e.a + 0.4 * u;
+    e.c = e.a + 0.4 * (i % 3 == 1 ? v : glm::cross(u, v));
+    e.d = e.a + 0.2 * glm::cross(u, glm::cross(u, v));
   }
   return std::make_shared<SkeletonField>(std::move(elements), 0.3);
 }
@@ -120,11 +127,27 @@ TEST(SkeletonKernel, EveryPotentialAndNorm) {
     }
 }
 
+TEST(SkeletonKernel, TrianglesAndBoxes) {
+  for (const double norm : {4.0, 1.0}) {
+    SCOPED_TRACE(norm);
+    const auto field = random_skeleton(
+        30, {Potential::inverse_square, Potential::cauchy, Potential::metaball, Potential::blinn, Potential::wyvill},
+        {2.0, norm}, 0.5, true, DVec3(0), true);
+    device().set_field(field);
+    const double steep = norm < 2.0 ? 50.0 : 1.0;
+    for (const std::size_t n : {7, 93, 4099})
+      expect_near_field(*field, random_points(n, 1.6), 4e3 * kEps, steep * 2e4 * kEps);
+  }
+  const auto many = random_skeleton(1000, {Potential::metaball}, {2.0, 3.0}, 0.1, true, DVec3(0), true);
+  device().set_field(many);  // through lists of cells
+  expect_near_field(*many, random_points(4096, 1.3), 1e3 * kEps, 1e4 * kEps);
+}
+
 TEST(SkeletonKernel, HessiansMatch) {
-  for (const double norm : {2.0, 3.0}) {
+  for (const auto& [norm, solids] : {std::pair(2.0, false), {3.0, false}, {3.0, true}}) {
     const auto field = random_skeleton(
         24, {Potential::inverse_square, Potential::cauchy, Potential::metaball, Potential::blinn, Potential::wyvill},
-        {norm}, 0.6, true);
+        solids ? std::vector{norm, 2.0} : std::vector{norm}, 0.6, true, DVec3(0), solids);
     device().set_field(field);
     const std::vector<Vec3> points = random_points(4099, 1.5);
     std::vector<float> got(6 * points.size() + 64, kCanary);

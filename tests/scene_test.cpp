@@ -115,6 +115,7 @@ TEST(BundledScenes, AllLoadWithASurfaceInEveryFrame) {
                                                               {"chain12", 12, 120},
                                                               {"metaballs7", 7, 200},
                                                               {"metaballs60", 60, 120},
+                                                              {"solids", 3, 48},
                                                               {"norm_p10", 1, 24},
                                                               {"norm_p4", 1, 24},
                                                               {"norm_p1", 1, 24},
@@ -224,6 +225,33 @@ keys = [ { frame = 5, radius = 1.0 }, { frame = 9, radius = 3.0 } ]
   EXPECT_THROW(scene.source->load(10), InputError);
 }
 
+TEST_F(SceneFile, TrianglesAndTurningBoxes) {
+  const Scene scene = load_scene(write(R"(
+iso = 0.2
+frames = [1, 5]
+[[element]]
+kind = "triangle"
+a = [0, 0, 0]
+b = [1, 0, 0]
+keys = [ { frame = 1, c = [0, 1, 0] }, { frame = 5, c = [0, 3, 0] } ]
+[[element]]
+kind = "box"
+size = [2, 4, 6]
+keys = [ { frame = 1, position = [1, 2, 3], rotation = [0, 0, 0] }, { frame = 5, position = [5, 2, 3], rotation = [0, 0, 360] } ]
+)"));
+  const SkeletonField first = skeleton(scene.source->load(1)), later = skeleton(scene.source->load(2));
+  EXPECT_EQ(later.elements()[0].shape, Shape::triangle);
+  EXPECT_EQ(later.elements()[0].c, DVec3(0, 1.5, 0));
+  const SkeletonElement &box = first.elements()[1], &turned = later.elements()[1];
+  EXPECT_EQ(box.shape, Shape::box);
+  EXPECT_EQ(extent(box).low, DVec3(0, 0, 0));
+  EXPECT_EQ(extent(box).high, DVec3(2, 4, 6));
+  EXPECT_LT(glm::distance(center(turned), DVec3(2, 2, 3)), 1e-12);
+  EXPECT_LT(glm::distance(turned.b - turned.a, DVec3(0, 2, 0)), 1e-12);  // a quarter of a turn about z
+  EXPECT_LT(glm::distance(turned.c - turned.a, DVec3(-4, 0, 0)), 1e-12);
+  EXPECT_LT(glm::distance(turned.d - turned.a, DVec3(0, 0, 6)), 1e-12);
+}
+
 TEST_F(SceneFile, OverridesWin) {
   SequenceOptions overrides;
   overrides.dt = 2.0;
@@ -289,7 +317,7 @@ TEST_F(SceneFile, BadScenesNameTheLine) {
       {good + "radius = inf\n", "scene.toml:4: radius: expected a finite number"},
       {good + "weight = true\n", "scene.toml:4: weight: expected a number, found boolean"},
       {good + "norm = -2\n", "scene.toml:4: norm: expected a positive number"},
-      {good + "kind = \"cube\"\n", "scene.toml:4: kind: expected one of: point, segment; found cube"},
+      {good + "kind = \"cube\"\n", "scene.toml:4: kind: expected one of: point, segment, triangle, box; found cube"},
       {good + "potential = 3\n", "scene.toml:4: potential: expected a string, found integer"},
       {good + "motion = \"jerky\"\n", "scene.toml:4: motion: expected one of: linear, smooth"},
       {good + "a = [0, 0, 0]\n", "scene.toml:4: unknown key a, expected one of: kind"},
@@ -305,6 +333,10 @@ TEST_F(SceneFile, BadScenesNameTheLine) {
       {good + "[meshing]\nsharp = 1\n", "scene.toml:5: sharp: expected true or false, found integer"},
       {good + "[[element]]\nradius = 1\n", "scene.toml:4: element without position"},
       {good + "[[element]]\nkind = \"segment\"\na = [0, 0, 0]\n", "scene.toml:4: element without b"},
+      {good + "[[element]]\nkind = \"triangle\"\na = [0, 0, 0]\nb = [1, 0, 0]\n", "scene.toml:4: element without c"},
+      {good + "[[element]]\nkind = \"box\"\nposition = [0, 0, 0]\n", "scene.toml:4: element without size"},
+      {good + "[[element]]\nkind = \"box\"\nposition = [0, 0, 0]\nsize = [1, -1, 1]\n",
+       "scene.toml:7: size: expected none below 0"},
       {good + "[[element]]\nposition = [0, 0]\n", "scene.toml:5: position: expected three numbers"},
       {good + "[[element]]\nposition = [0, 0, \"x\"]\n", "scene.toml:5: position: expected a number, found string"},
   };

@@ -113,6 +113,59 @@ TEST(Seeds, AreValidAgainOnceTheObjectBreaks) {
   EXPECT_EQ(object.report.valid, all);
 }
 
+SkeletonElement plate(const DVec3& at, const DVec3& u, const DVec3& v, double radius = 0.7) {
+  SkeletonElement e = rod(at, at + u, radius);
+  e.shape = Shape::triangle;
+  e.c = at + v;
+  return e;
+}
+
+SkeletonElement brick(const DVec3& at, const DMat3& frame, const DVec3& size, double radius = 0.5) {
+  SkeletonElement e = rod(at, at + size.x * frame[0], radius);
+  e.shape = Shape::box;
+  e.c = at + size.y * frame[1];
+  e.d = at + size.z * frame[2];
+  return e;
+}
+
+// Alone, an element's surface lies everywhere at one distance from it, where its potential is iso.
+TEST(Seeds, OfTrianglesAndBoxesGoAroundThem) {
+  const DMat3 frame(DVec3(0.48, 0.6, 0.64), DVec3(0.8, 0.0, -0.6), DVec3(-0.36, 0.8, -0.48));
+  const DMat3 mirrored(frame[0], frame[1], -frame[2]);
+  for (const SkeletonElement& e :
+       {plate({0.1, 0.2, 0.3}, frame[0], 0.3 * frame[0] + 0.8 * frame[1]),
+        brick({0.5, 0.0, 0.0}, frame, {1.0, 0.6, 0.4}), brick({0.5, 0.0, 0.0}, mirrored, {1.0, 0.6, 0.4}),
+        brick({0.0, 0.0, 1.0}, frame, {1.0, 0.8, 0.0})}) {
+    Object object({e});
+    EXPECT_EQ(object.report.lost, 0u);
+    EXPECT_EQ(object.report.valid, object.report.seeds);
+    const double off = e.radius * std::sqrt(1.0 - std::cbrt(0.3));
+    Box around;
+    for (const Vec3& p : object.seeds.position()) {
+      EXPECT_NEAR(glm::length(offset_from(e, DVec3(p)).x), off, 1e-4);
+      around.add(DVec3(p));
+    }
+    const Box whole = extent(e).grown(off);
+    for (int i = 0; i < 3; ++i) {  // nearly as far as the surface reaches, on all sides
+      EXPECT_NEAR(around.low[i], whole.low[i], 0.12);
+      EXPECT_NEAR(around.high[i], whole.high[i], 0.12);
+    }
+    const TriangleMesh piece = object.seeds.pieces();
+    const ValidateReport valid = validate(piece);
+    EXPECT_TRUE(valid) << valid.reason;
+    EXPECT_GT(mesh_pieces(piece).volume.at(0), 0.0);  // its triangles face outward
+    // and turning with the element costs no new grid
+    const std::vector<Vec3> before = object.seeds.position();
+    SkeletonElement turned = e;
+    const auto turn = [](const DVec3& p) { return DVec3(-p.y + 2.0, p.x, p.z); };
+    for (DVec3* corner : {&turned.a, &turned.b, &turned.c, &turned.d}) *corner = turn(*corner);
+    object.move({turned});
+    ASSERT_EQ(object.seeds.position().size(), before.size());
+    for (std::size_t s = 0; s < before.size(); ++s)
+      EXPECT_LT(glm::distance(DVec3(object.seeds.position()[s]), turn(DVec3(before[s]))), 1e-3);
+  }
+}
+
 TEST(Seeds, DensityStaysWhenASkeletonGrows) {
   Object object({ball(DVec3(0.0), 1.0)});
   const double per_area = double(object.report.seeds);

@@ -38,6 +38,58 @@ Complex potential(const SkeletonElement& e, const Complex& d) {
   return 0.0;
 }
 
+using Place = std::array<Complex, 3>;
+
+Complex dot(const Place& a, const Place& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Place minus(const Place& a, const Complex& t, const DVec3& b) {
+  return {a[0] - t * b.x, a[1] - t * b.y, a[2] - t * b.z};
+}
+Place plain(const DVec3& v) {
+  return {v.x, v.y, v.z};
+}
+
+/// p minus the nearest point of the solid: the least over all its faces, edges and corners whose own nearest point lies
+/// within them, from the normal equations of each.
+Place solid_offset(const SkeletonElement& e, const Place& p) {
+  const Place w = minus(p, 1.0, e.a);
+  std::vector<std::array<DVec3, 3>> parts;  // corner and one or two edges, the second 0 where there is none
+  std::vector<DVec3> corners;
+  if (e.shape == Shape::triangle) {
+    corners = {e.a, e.b, e.c};
+    parts = {{e.a, e.b - e.a, e.c - e.a}, {e.a, e.b - e.a, {}}, {e.a, e.c - e.a, {}}, {e.b, e.c - e.b, {}}};
+  } else {
+    const std::array<DVec3, 3> edge{e.b - e.a, e.c - e.a, e.d - e.a};
+    Complex inside[3];
+    for (int i = 0; i < 3; ++i) inside[i] = dot(w, plain(edge[i])) / glm::dot(edge[i], edge[i]);
+    if (std::all_of(inside, inside + 3, [](const Complex& t) { return t.real() > 0.0 && t.real() < 1.0; })) return {};
+    for (int i = 0; i < 3; ++i)
+      for (int far = 0; far < 4; ++far) {
+        const DVec3 &u = edge[(i + 1) % 3], &v = edge[(i + 2) % 3];
+        const DVec3 from = e.a + double(far % 2) * u + double(far / 2) * v;
+        parts.push_back({from, edge[i], {}});
+        corners.push_back(from);
+        corners.push_back(from + edge[i]);
+        if (far < 2) parts.push_back({e.a + double(far) * edge[i], u, v});
+      }
+  }
+  Place best = minus(p, 1.0, corners[0]);
+  const auto offer = [&](const Place& x) {
+    if (dot(x, x).real() < dot(best, best).real()) best = x;
+  };
+  for (const DVec3& corner : corners) offer(minus(p, 1.0, corner));
+  for (const auto& [from, u, v] : parts) {
+    const Place x = minus(p, 1.0, from);
+    const double uu = glm::dot(u, u), vv = glm::dot(v, v), uv = glm::dot(u, v), det = uu * vv - uv * uv;
+    const Complex xu = dot(x, plain(u)), xv = dot(x, plain(v));
+    const Complex s = vv > 0.0 ? (vv * xu - uv * xv) / det : xu / uu, t = vv > 0.0 ? (uu * xv - uv * xu) / det : 0.0;
+    const double far_side = e.shape == Shape::triangle ? s.real() + t.real() : std::max(s.real(), t.real());
+    if (s.real() >= 0.0 && t.real() >= 0.0 && far_side <= 1.0) offer(minus(minus(x, s, u), t, v));
+  }
+  return best;
+}
+
 Complex oracle(const std::vector<SkeletonElement>& elements, double iso, const std::array<Complex, 3>& p) {
   Complex sum = -iso;
   for (const SkeletonElement& e : elements) {
@@ -50,9 +102,11 @@ Complex oracle(const std::vector<SkeletonElement>& elements, double iso, const s
     Complex t = length2 > 0.0 ? along / length2 : 0.0;
     if (t.real() <= 0.0) t = 0.0;
     if (t.real() >= 1.0) t = 1.0;
+    const Place x = e.shape == Shape::segment ? minus(minus(p, 1.0, e.a), t, e.b - e.a) : solid_offset(e, p);
     Complex power = 0.0;
-    for (int i = 0; i < 3; ++i) power += std::pow(modulus(p[i] - e.a[i] - t * (e.b[i] - e.a[i])), e.norm);
-    sum += e.weight * potential(e, std::pow(power, 1.0 / e.norm));
+    for (int i = 0; i < 3; ++i)
+      if (x[i] != 0.0) power += std::pow(modulus(x[i]), e.norm);
+    sum += e.weight * potential(e, power == 0.0 ? 0.0 : std::pow(power, 1.0 / e.norm));
   }
   return sum;
 }
@@ -83,6 +137,15 @@ SkeletonElement random_element(Random& random) {
   e.weight = random.pick(3) ? random(0.2, 1.5) : random(-1.0, 0.0);
   e.norm = kNorms[random.pick(7)];
   e.potential = static_cast<Potential>(random.pick(5));
+  if (random.pick(2)) return e;
+  e.shape = random.pick(2) ? Shape::triangle : Shape::box;
+  e.b = random.vector(1.0);
+  e.c = random.vector(1.0);
+  if (e.shape == Shape::box) {
+    const DVec3 u = e.b - e.a, v = glm::normalize(glm::cross(u, e.c - e.a));
+    e.c = e.a + random(0.1, 1.0) * v;
+    e.d = e.a + random(0.1, 1.0) * glm::normalize(glm::cross(u, v));
+  }
   return e;
 }
 
@@ -92,9 +155,28 @@ SkeletonField random_field(Random& random) {
   return SkeletonField(elements, random(0.05, 0.8));
 }
 
+// The nearest point lies on another face, edge or corner a step away, or a coordinate or the potential's end is near.
+bool near_kink_of_solid(const SkeletonElement& e, const DVec3& p, double step) {
+  const ElementOffset here = offset_from(e, p);
+  for (int side = 0; side < 27; ++side) {
+    const DVec3 there(side % 3 - 1, side / 3 % 3 - 1, side / 9 - 1);
+    const ElementOffset offset = offset_from(e, p + 4.0 * step * there);
+    if (offset.slides != here.slides || glm::distance(offset.slide[0], here.slide[0]) > 1e-6) return true;
+  }
+  if (here.slides == 3) return e.potential == Potential::inverse_square;  // held constant there
+  double power = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    if (e.norm != 2.0 && std::abs(here.x[i]) < step) return true;
+    power += std::pow(std::abs(here.x[i]), e.norm);
+  }
+  return glm::length(here.x) < 0.05 || std::abs(std::pow(power, 1.0 / e.norm) - e.radius) < 10.0 * step;
+}
+
 // True where a finite difference over `step` would straddle a kink or a jump of second derivatives of some element.
 bool near_kink(const SkeletonField& field, const DVec3& p, double step) {
   for (const SkeletonElement& e : field.elements()) {
+    if (e.shape != Shape::segment && near_kink_of_solid(e, p, step)) return true;
+    if (e.shape != Shape::segment) continue;
     const DVec3 ab = e.b - e.a;
     const double length2 = glm::dot(ab, ab);
     const double t = length2 > 0.0 ? glm::dot(p - e.a, ab) / length2 : 0.0;
@@ -128,6 +210,43 @@ TEST(SkeletonField, ValueAndGradientMatchComplexStepOracle) {
       RC_ASSERT(glm::length(s.gradient - gradient) <= 1e-9 * (1.0 + glm::length(gradient)));
     }
   }));
+}
+
+// Points of the solid, and none other: the distance is never more than to the nearest of many, nor less by more than
+// they are apart.
+TEST(SkeletonField, DistanceToSolidsMatchesBruteForce) {
+  Random random{std::mt19937_64(3)};
+  for (const Shape shape : {Shape::triangle, Shape::box}) {
+    SkeletonElement e;
+    e.shape = shape;
+    e.a = DVec3(0.2, -0.1, 0.3);
+    const DVec3 u(0.48, 0.6, 0.64), v(0.8, 0.0, -0.6), w(-0.36, 0.8, -0.48);  // orthonormal
+    e.b = e.a + 0.9 * u;
+    e.c = e.a + 0.6 * v + (shape == Shape::triangle ? 0.5 : 0.0) * u;
+    e.d = e.a + 0.4 * w;
+    constexpr int kParts = 24;
+    for (int k = 0; k < 200; ++k) {
+      const DVec3 p = e.a + random.vector(1.5);
+      double nearest = 1e9;
+      for (int i = 0; i <= kParts; ++i)
+        for (int j = 0; j <= kParts; ++j)
+          for (int l = 0; l <= (shape == Shape::box ? kParts : 0); ++l) {
+            if (shape == Shape::triangle && i + j > kParts) continue;
+            const DVec3 q =
+                e.a + (double(i) * (e.b - e.a) + double(j) * (e.c - e.a) + double(l) * (e.d - e.a)) / double(kParts);
+            nearest = std::min(nearest, glm::distance(p, q));
+          }
+      const double distance = glm::length(offset_from(e, p).x);
+      EXPECT_LE(distance, nearest + 1e-12);
+      EXPECT_GE(distance, nearest - 1.2 / kParts);
+      const Interval alone = euclidean_distance(e, Box{p, p}.grown(0.05));
+      EXPECT_TRUE(alone.contains(distance));
+      EXPECT_GE(alone.low, distance - 0.05 * std::sqrt(3.0) - 1e-9);
+      EXPECT_LE(alone.high, distance + 0.05 * std::sqrt(3.0) + 1e-9);
+    }
+    EXPECT_EQ(corners_of(e).count, shape == Shape::box ? 8 : 3);
+    EXPECT_LT(glm::length(offset_from(e, center(e)).x), 1e-15);
+  }
 }
 
 TEST(SkeletonField, HessianMatchesDifferencesOfOracleGradient) {
@@ -260,7 +379,8 @@ TEST(SkeletonField, FiniteEverywhere) {
   for (int kind = 0; kind < 5; ++kind) {
     for (const double norm : {0.1, 0.6, 1.0, 2.0, 3.0, 10.0}) {
       for (const DVec3& b : {DVec3(0.0), DVec3(1.0, 2.0, 0.0)}) {
-        const SkeletonField field({{DVec3(0.0), b, 1.0, -2.0, norm, static_cast<Potential>(kind)}}, 0.1);
+        const Shape shape = static_cast<Shape>(kind % 3);
+        const SkeletonField field({{DVec3(0.0), b, 1.0, -2.0, norm, static_cast<Potential>(kind), shape}}, 0.1);
         for (const DVec3& p :
              {DVec3(0.0), DVec3(1e-300, 0.0, 0.0), DVec3(1e-9, 0.3, 0.0), DVec3(1e-7), DVec3(0.0, 0.5, 1e-320),
               DVec3(1e150), DVec3(-1e300, 1.0, 0.0), DVec3(1.0, 0.0, 0.0), DVec3(0.5, 1.0, 0.0)}) {
@@ -284,6 +404,7 @@ TEST(SkeletonField, ContinuityOfSecondDerivativesIsReported) {
   EXPECT_TRUE(is_c2({o, o, 1.0, 1.0, 4.0, Potential::inverse_square}));
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 2.0, Potential::wyvill}));
   EXPECT_FALSE(is_c2({o, x, 1.0, 1.0, 2.0, Potential::metaball}));
+  EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 2.0, Potential::metaball, Shape::triangle, x}));
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 1.0, Potential::inverse_square}));
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 4.0, Potential::blinn}));
 }
@@ -297,7 +418,9 @@ TEST(SkeletonField, RejectsBadElements) {
            {[](SkeletonElement& e) { e.norm = 0.0; }, "norm"},
            {[](SkeletonElement& e) { e.norm = std::numeric_limits<double>::infinity(); }, "norm"},
            {[](SkeletonElement& e) { e.weight = kNan; }, "weight"},
-           {[](SkeletonElement& e) { e.b.y = kNan; }, "position"}}) {
+           {[](SkeletonElement& e) { e.b.y = kNan; }, "position"},
+           {[](SkeletonElement& e) { e.shape = Shape::triangle, e.c.z = kNan; }, "position"},
+           {[](SkeletonElement& e) { e.shape = Shape::box, e.b.x = 1.0, e.c = DVec3(1.0, 1.0, 0.0); }, "edges"}}) {
     SkeletonElement bad = good;
     change(bad);
     try {

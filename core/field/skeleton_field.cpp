@@ -51,14 +51,6 @@ Profile profile(const SkeletonElement& e, double s) {
   return {};
 }
 
-bool is_compact(Potential potential) {
-  return potential == Potential::metaball || potential == Potential::wyvill;
-}
-
-bool is_point(const SkeletonElement& e) {
-  return e.a == e.b;
-}
-
 double norm_of(const DVec3& x, double p) {
   if (p == 2.0) return glm::length(x);
   const DVec3 size = glm::abs(x);
@@ -66,23 +58,6 @@ double norm_of(const DVec3& x, double p) {
   if (!(most > 0.0) || most > kFar) return most;
   const DVec3 u = size / most;
   return most * std::pow(std::pow(u.x, p) + std::pow(u.y, p) + std::pow(u.z, p), 1.0 / p);
-}
-
-struct Offset {  // p minus the element's nearest point
-  DVec3 x{0.0};
-  DVec3 slide{0.0};  // unit direction along which that point follows p; zero at ends and for points
-};
-
-Offset offset_from(const SkeletonElement& e, const DVec3& p) {
-  const DVec3 ab = e.b - e.a;
-  const double length2 = glm::dot(ab, ab);
-  if (!(length2 > 0.0)) return {p - e.a};
-  const double t = glm::dot(p - e.a, ab) / length2;
-  if (t <= 0.0) return {p - e.a};
-  if (t >= 1.0) return {p - e.b};
-  const DVec3 along = ab / std::sqrt(length2);
-  const DVec3 x = p - e.a;
-  return {x - glm::dot(x, along) * along, along};
 }
 
 struct NormShape {  // s = d^2 and what its derivatives by x are made of
@@ -107,52 +82,30 @@ NormShape norm_shape(const DVec3& x, double p) {
   return n;
 }
 
-DVec3 across(const DVec3& g, const DVec3& slide) {
-  return g - glm::dot(g, slide) * slide;
+DVec3 across(DVec3 g, const ElementOffset& offset) {
+  for (int i = 0; i < offset.slides; ++i) g -= glm::dot(g, offset.slide[i]) * offset.slide[i];
+  return g;
 }
 
 FieldSample element_sample(const SkeletonElement& e, const DVec3& p) {
-  const Offset offset = offset_from(e, p);
+  const ElementOffset offset = offset_from(e, p);
   const NormShape n = norm_shape(offset.x, e.norm);
   const Profile f = profile(e, n.s);
   if (f.first == 0.0) return {e.weight * f.value, DVec3(0.0)};
-  return {e.weight * f.value, across((2.0 * e.weight * f.first) * n.w, offset.slide)};
+  return {e.weight * f.value, across((2.0 * e.weight * f.first) * n.w, offset)};
 }
 
 DMat3 element_hessian(const SkeletonElement& e, const DVec3& p) {
-  const Offset offset = offset_from(e, p);
+  const ElementOffset offset = offset_from(e, p);
   const NormShape n = norm_shape(offset.x, e.norm);
   const Profile f = profile(e, n.s);
   if (f.first == 0.0 && f.second == 0.0) return DMat3(0.0);
   DMat3 bend = (2.0 - e.norm) * glm::outerProduct(n.v, n.v);
   for (int i = 0; i < 3; ++i) bend[i][i] += (e.norm - 1.0) * n.diagonal[i];
   const DMat3 h = 4.0 * f.second * glm::outerProduct(n.w, n.w) + 2.0 * f.first * bend;
-  const DMat3 keep = DMat3(1.0) - glm::outerProduct(offset.slide, offset.slide);
+  DMat3 keep(1.0);
+  for (int i = 0; i < offset.slides; ++i) keep -= glm::outerProduct(offset.slide[i], offset.slide[i]);
   return e.weight * (keep * h * keep);
-}
-
-// Least distance (Euclidean) between the box and the segment a-b: the squared distance is convex along the segment,
-// with a piecewise linear slope that breaks where the segment meets a slab.
-double distance_to_box(const SkeletonElement& e, const Box& box) {
-  const DVec3 ab = e.b - e.a;
-  const auto gap = [&](double t) {
-    const DVec3 c = e.a + t * ab;
-    return glm::max(c - box.high, DVec3(0.0)) - glm::max(box.low - c, DVec3(0.0));
-  };
-  const auto slope = [&](double t) { return glm::dot(gap(t), ab); };
-  std::array<double, 8> knot{0.0, 1.0};
-  for (int i = 0; i < 3; ++i) {
-    const double low = (box.low[i] - e.a[i]) / ab[i], high = (box.high[i] - e.a[i]) / ab[i];
-    knot[2 + 2 * i] = low > 0.0 && low < 1.0 ? low : 0.0;
-    knot[3 + 2 * i] = high > 0.0 && high < 1.0 ? high : 0.0;
-  }
-  std::sort(knot.begin(), knot.end());
-  std::size_t after = 1;
-  while (after + 1 < knot.size() && slope(knot[after]) < 0.0) ++after;
-  const double t0 = knot[after - 1], t1 = knot[after];
-  const double s0 = slope(t0), s1 = slope(t1);
-  const double t = s0 >= 0.0 ? t0 : s1 <= 0.0 ? t1 : t0 + (t1 - t0) * s0 / (s0 - s1);
-  return glm::length(gap(t));
 }
 
 Interval norm_interval(const DVec3& low, const DVec3& high, double p) {
@@ -164,14 +117,8 @@ Interval norm_interval(const DVec3& low, const DVec3& high, double p) {
   return {norm_of(nearest, p), norm_of(farthest, p)};
 }
 
-Interval segment_distance(const SkeletonElement& e, const Box& box) {
-  Interval euclidean{distance_to_box(e, box), 0.0};
-  for (int corner = 0; corner < 8; ++corner) {  // the distance to a convex set is convex: its maximum is at a corner
-    const DVec3 p(corner & 1 ? box.high.x : box.low.x, corner & 2 ? box.high.y : box.low.y,
-                  corner & 4 ? box.high.z : box.low.z);
-    const double d = glm::length(offset_from(e, p).x);
-    euclidean.high = std::max(euclidean.high, std::isfinite(d) ? d : kInfinity);
-  }
+Interval shape_distance(const SkeletonElement& e, const Box& box) {
+  const Interval euclidean = euclidean_distance(e, box);
   if (e.norm == 2.0) return euclidean;
   const double ratio = std::pow(3.0, 1.0 / e.norm - 0.5);  // p-norm of the diagonal over its Euclidean length
   Interval d{euclidean.low * std::min(ratio, 1.0), euclidean.high * std::max(ratio, 1.0)};
@@ -184,23 +131,27 @@ Interval segment_distance(const SkeletonElement& e, const Box& box) {
   return d;
 }
 
+/// The farthest of its corners from the origin.
+double size_of(const SkeletonElement& e) {
+  const Corners8 corners = corners_of(e);
+  double most = 0.0;
+  for (int i = 0; i < corners.count; ++i) most = std::max(most, glm::length(corners.at[i]));
+  return most;
+}
+
 // Bounds of the element's distance over the box, widened by what rounding may take.
 Interval distance_interval(const SkeletonElement& e, const Box& box) {
-  const Interval d = is_point(e) ? norm_interval(box.low - e.a, box.high - e.a, e.norm) : segment_distance(e, box);
+  const Interval d = is_point(e) ? norm_interval(box.low - e.a, box.high - e.a, e.norm) : shape_distance(e, box);
   constexpr double kRelative = 1e-13;
-  const double absolute =
-      kRelative * std::max({glm::length(e.a), glm::length(e.b), std::isfinite(d.low) ? d.low : 0.0});
+  const double absolute = kRelative * std::max(size_of(e), std::isfinite(d.low) ? d.low : 0.0);
   return {std::max(0.0, d.low - absolute), d.high + absolute + kRelative * d.high};
 }
 
 /// Where the element's potential is not zero, with room for rounding.
 Box support_of(const SkeletonElement& e) {
-  Box box;
-  if (!is_compact(e.potential)) return {DVec3(-kInfinity), DVec3(kInfinity)};
-  box.add(e.a);
-  box.add(e.b);
+  if (!is_compact(e)) return {DVec3(-kInfinity), DVec3(kInfinity)};
   constexpr double kRelative = 1e-9;  // a p-norm is at least the largest coordinate, up to rounding
-  return box.grown(e.radius + kRelative * (e.radius + glm::length(e.a) + glm::length(e.b)));
+  return extent(e).grown(e.radius + kRelative * (e.radius + 2.0 * size_of(e)));
 }
 
 bool contains(const Box& box, const DVec3& p) {
@@ -259,18 +210,6 @@ void farthest(const Field& field, const Box& box, int axis, int side, int depth,
       farthest(field, child, axis, side, depth - 1, best);
     }
   }
-}
-
-void check(const SkeletonElement& e, std::size_t index) {
-  const auto fail = [&](const char* what) {
-    throw InputError("skeleton element " + std::to_string(index) + ": " + what);
-  };
-  for (int i = 0; i < 3; ++i) {
-    if (!std::isfinite(e.a[i]) || !std::isfinite(e.b[i])) fail("position must be finite");
-  }
-  if (!(e.radius > 0.0) || !std::isnormal(e.radius * e.radius)) fail("radius must be positive and finite");
-  if (!std::isfinite(e.weight)) fail("weight must be finite");
-  if (!(e.norm > 0.0) || !std::isfinite(e.norm)) fail("norm must be positive and finite");
 }
 
 }  // namespace
@@ -337,13 +276,11 @@ Box SkeletonField::bounds() const {
   Box core, support;
   bool compact = true;
   for (const SkeletonElement& e : elements_) {
-    Box own;
-    own.add(e.a);
-    own.add(e.b);
+    const Box own = extent(e);
     core.add(own.grown(e.radius));
     // Where one coordinate is R away no p-norm is less than R.
     support.add(own.grown(e.radius));
-    compact = compact && is_compact(e.potential);
+    compact = compact && is_compact(e);
   }
   if (elements_.empty()) return {};
   Box box = support;

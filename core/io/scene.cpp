@@ -33,7 +33,7 @@ public:
   }
   [[noreturn]] void fail(const toml::node& at, const std::string& what) const { fail(at.source(), what); }
 
-  void allow_keys(const toml::table& table, std::initializer_list<std::string_view> keys) const {
+  void allow_keys(const toml::table& table, const std::vector<std::string_view>& keys) const {
     for (auto&& [key, node] : table) {
       if (std::find(keys.begin(), keys.end(), key.str()) != keys.end()) continue;
       fail(key.source(), fmt::format("unknown key {}, expected one of: {}", key.str(), fmt::join(keys, ", ")));
@@ -99,19 +99,58 @@ private:
   fs::path file_;
 };
 
+enum class Kind : std::uint8_t { point, segment, triangle, box };
+
+/// The names of the vectors that place an element, in the order of ElementTracks::place.
+std::vector<std::string_view> places_of(Kind kind) {
+  switch (kind) {
+    case Kind::point:
+      return {"position"};
+    case Kind::segment:
+      return {"a", "b"};
+    case Kind::triangle:
+      return {"a", "b", "c"};
+    case Kind::box:
+      return {"position", "size", "rotation"};
+  }
+  return {};
+}
+
+/// v turned about the direction of `turn` by its length, in degrees.
+DVec3 turned(const DVec3& v, const DVec3& turn) {
+  const double degrees = glm::length(turn);
+  if (!(degrees > 0.0)) return v;
+  const DVec3 axis = turn / degrees;
+  const double angle = glm::radians(degrees);
+  return std::cos(angle) * v + std::sin(angle) * glm::cross(axis, v) +
+         (1.0 - std::cos(angle)) * glm::dot(axis, v) * axis;
+}
+
 struct ElementTracks {
-  SkeletonElement fixed;  // norm, potential
-  bool segment = false;
-  KeyTrack<DVec3> a, b;
+  SkeletonElement fixed;  // norm, potential, shape
+  Kind kind = Kind::point;
+  std::vector<KeyTrack<DVec3>> place;
   KeyTrack<double> radius, weight;
 
   SkeletonElement at(double frame) const {
     SkeletonElement e = fixed;
-    e.a = a.at(frame);
-    e.b = segment ? b.at(frame) : e.a;
     e.radius = radius.at(frame);
     e.weight = weight.at(frame);
+    e.a = e.b = place[0].at(frame);
+    if (kind == Kind::segment || kind == Kind::triangle) e.b = place[1].at(frame);
+    if (kind == Kind::triangle) e.c = place[2].at(frame);
+    if (kind == Kind::box) set_box(e, place[1].at(frame), place[2].at(frame));
     return e;
+  }
+
+private:
+  /// Sides shorter than nothing, which a smooth motion may swing to, are nothing.
+  static void set_box(SkeletonElement& e, const DVec3& size, const DVec3& rotation) {
+    const DVec3 side = glm::max(size, DVec3(0.0));
+    e.a -= turned(0.5 * side, rotation);
+    e.b = e.a + turned(DVec3(side.x, 0.0, 0.0), rotation);
+    e.c = e.a + turned(DVec3(0.0, side.y, 0.0), rotation);
+    e.d = e.a + turned(DVec3(0.0, 0.0, side.z), rotation);
   }
 };
 
@@ -136,18 +175,17 @@ KeyTrack<T> read_track(const Reader& reader, const toml::table& element, const s
   return track;
 }
 
-std::vector<const toml::table*> read_keys(const Reader& reader, const toml::table& element, bool segment) {
+std::vector<const toml::table*> read_keys(const Reader& reader, const toml::table& element,
+                                          std::vector<std::string_view> names) {
   std::vector<const toml::table*> keys;
   const toml::node* node = element.get("keys");
   if (!node) return keys;
+  names.insert(names.begin(), "frame");
+  names.insert(names.end(), {"radius", "weight"});
   double last = -std::numeric_limits<double>::infinity();
   for (const toml::node& entry : reader.array(*node, "keys")) {
     const toml::table& key = reader.table(entry, "keys");
-    if (segment) {
-      reader.allow_keys(key, {"frame", "a", "b", "radius", "weight"});
-    } else {
-      reader.allow_keys(key, {"frame", "position", "radius", "weight"});
-    }
+    reader.allow_keys(key, names);
     const toml::node* frame = key.get("frame");
     if (!frame) reader.fail(key, "key without frame");
     const double at = reader.number(*frame, "frame");
@@ -161,12 +199,15 @@ std::vector<const toml::table*> read_keys(const Reader& reader, const toml::tabl
 
 ElementTracks read_element(const Reader& reader, const toml::table& table) {
   ElementTracks element;
-  if (const auto* node = table.get("kind")) element.segment = reader.choice(*node, "kind", {"point", "segment"}) == 1;
-  if (element.segment) {
-    reader.allow_keys(table, {"kind", "potential", "norm", "motion", "a", "b", "radius", "weight", "keys"});
-  } else {
-    reader.allow_keys(table, {"kind", "potential", "norm", "motion", "position", "radius", "weight", "keys"});
-  }
+  if (const auto* node = table.get("kind"))
+    element.kind = static_cast<Kind>(reader.choice(*node, "kind", {"point", "segment", "triangle", "box"}));
+  if (element.kind == Kind::triangle) element.fixed.shape = Shape::triangle;
+  if (element.kind == Kind::box) element.fixed.shape = Shape::box;
+  const std::vector<std::string_view> places = places_of(element.kind);
+  std::vector<std::string_view> names{"kind", "potential", "norm", "motion"};
+  names.insert(names.end(), places.begin(), places.end());
+  names.insert(names.end(), {"radius", "weight", "keys"});
+  reader.allow_keys(table, names);
   if (const auto* node = table.get("potential")) {
     element.fixed.potential = static_cast<Potential>(
         reader.choice(*node, "potential", {"inverse_square", "cauchy", "metaball", "blinn", "wyvill"}));
@@ -176,13 +217,20 @@ ElementTracks read_element(const Reader& reader, const toml::table& table) {
   if (const auto* node = table.get("motion"))
     motion = static_cast<Motion>(reader.choice(*node, "motion", {"linear", "smooth"}));
 
-  const std::vector<const toml::table*> keys = read_keys(reader, table, element.segment);
+  const std::vector<const toml::table*> keys = read_keys(reader, table, places);
   const auto vector = [&](const toml::node& node, std::string_view what) { return reader.vector(node, what); };
   const auto number = [&](const toml::node& node, std::string_view what) { return reader.number(node, what); };
   const auto positive = [&](const toml::node& node, std::string_view what) { return reader.positive(node, what); };
-  const std::optional<DVec3> required;
-  element.a = read_track<DVec3>(reader, table, keys, element.segment ? "a" : "position", motion, required, vector);
-  if (element.segment) element.b = read_track<DVec3>(reader, table, keys, "b", motion, required, vector);
+  const auto sides = [&](const toml::node& node, std::string_view what) {
+    const DVec3 size = reader.vector(node, what);
+    if (!(std::min({size.x, size.y, size.z}) >= 0.0)) reader.fail(node, fmt::format("{}: expected none below 0", what));
+    return size;
+  };
+  for (const std::string_view name : places) {
+    const auto otherwise = name == "rotation" ? std::optional(DVec3(0.0)) : std::nullopt;
+    element.place.push_back(name == "size" ? read_track<DVec3>(reader, table, keys, name, motion, otherwise, sides)
+                                           : read_track<DVec3>(reader, table, keys, name, motion, otherwise, vector));
+  }
   element.radius = read_track<double>(reader, table, keys, "radius", motion, 1.0, positive);
   element.weight = read_track<double>(reader, table, keys, "weight", motion, 1.0, number);
   return element;

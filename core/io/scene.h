@@ -30,9 +30,11 @@ struct Scene {
 ///   iso = 0.2                   of skeletons; required
 ///   blend = [[1, 2], [2, 3]]    pairs of elements, numbered from 1, that blend; default: all blend with each other
 ///   [meshing]  edge_length = 0.1  angle = 18  passes = 4  sagitta = 0.001  sharp = false
-///   [[element]]  kind = "point" (default) | "segment"
+///   [[element]]  kind = "point" (default) | "segment" | "triangle" | "box" (solid)
 ///     potential = "metaball" (default) | "inverse_square" | "cauchy" | "blinn" | "wyvill"   norm = 2.0
-///     position = [x, y, z]  (segment: a = .., b = ..)   radius = 1.0   weight = 1.0
+///     position = [x, y, z]   (segment: a, b; triangle: a, b, c)   radius = 1.0   weight = 1.0
+///     (box: position of its middle, size = [x, y, z], and rotation = [x, y, z], default 0: about the direction of this
+///     vector by its length in degrees)
 ///     or any of these key-framed: keys = [ { frame = 1, position = [..], radius = .. }, { frame = 100, .. } ]
 ///     motion = "linear" (default) | "smooth": see KeyTrack; before the first and after the last key nothing moves
 ///   [sequence] instead of elements: files = "dam_break.%04d.vdb" (from the scene's folder; also a folder, glob or

@@ -13,24 +13,42 @@
 namespace isoskin {
 namespace {
 
-/// An element's own frame: `a` and three axes, the first along the segment.
+/// An element's own frame: `a` and three axes, the first along the segment or the first edge, the second in the
+/// triangle's plane or along the box's second edge.
 struct Frame {
   DVec3 origin, x, y, z;
 
   explicit Frame(const SkeletonElement& e) : origin(e.a), x(1, 0, 0), y(0, 1, 0), z(0, 0, 1) {
-    if (e.a == e.b) return;
-    x = glm::normalize(e.b - e.a);
+    if (is_point(e)) return;
+    if (e.a != e.b) x = glm::normalize(e.b - e.a);
     y = any_normal(x);
+    if (e.shape != Shape::segment) {
+      const DVec3 other = e.c - e.a, across = other - glm::dot(other, x) * x;
+      constexpr double kFlat = 1e-12;  // of its length: no direction at all
+      if (glm::length(across) > kFlat * glm::length(other)) y = glm::normalize(across);
+    }
     z = glm::cross(x, y);
   }
   DVec3 to_world(const DVec3& p) const { return origin + p.x * x + p.y * y + p.z * z; }
+  DVec3 to_local(const DVec3& p) const {
+    return {glm::dot(p - origin, x), glm::dot(p - origin, y), glm::dot(p - origin, z)};
+  }
 };
+
+/// The lengths that a rigid motion keeps.
+std::array<double, 3> sides_of(const SkeletonElement& e) {
+  const double ab = glm::distance(e.a, e.b);
+  if (e.shape == Shape::segment) return {ab, 0.0, 0.0};
+  return {ab, glm::distance(e.a, e.c), e.shape == Shape::box ? glm::distance(e.a, e.d) : glm::distance(e.b, e.c)};
+}
 
 bool same_shape(const SkeletonElement& a, const SkeletonElement& b) {
   constexpr double kSame = 1e-9;
-  const double length = glm::distance(a.a, a.b), other = glm::distance(b.a, b.b);
-  return a.radius == b.radius && a.weight == b.weight && a.norm == b.norm && a.potential == b.potential &&
-         std::abs(length - other) <= kSame * (length + other);
+  const std::array<double, 3> side = sides_of(a), other = sides_of(b);
+  for (int i = 0; i < 3; ++i)
+    if (std::abs(side[i] - other[i]) > kSame * (side[i] + other[i])) return false;
+  return a.shape == b.shape && a.radius == b.radius && a.weight == b.weight && a.norm == b.norm &&
+         a.potential == b.potential;
 }
 
 bool meet(const Box& a, const Box& b) {
@@ -42,7 +60,8 @@ bool meet(const Box& a, const Box& b) {
 double thickness_of(const SkeletonElement& element, double iso) {
   const SkeletonField alone({element}, iso);
   const Frame frame(element);
-  const auto inside = [&](double r) { return alone.value(element.a + r * frame.z) > 0.0; };
+  const DVec3 outward = glm::dot(frame.z, center(element) - element.a) > 0.0 ? -frame.z : frame.z;
+  const auto inside = [&](double r) { return alone.value(element.a + r * outward) > 0.0; };
   double low = 1e-4 * element.radius, high = element.radius;
   if (!inside(low)) return 0.5 * element.radius;
   constexpr int kDoublings = 20, kHalvings = 40;
@@ -69,7 +88,11 @@ Seeds::Grid Seeds::make_grid(const SkeletonElement& element, double iso) const {
   Grid grid;
   grid.shape = element;
   grid.thickness = thickness_of(element, iso);
-  const DVec3 low(-grid.thickness), high = DVec3(glm::distance(element.a, element.b), 0.0, 0.0) + grid.thickness;
+  const Frame frame(element);
+  const Corners8 corners = corners_of(element);
+  Box own;
+  for (int i = 0; i < corners.count; ++i) own.add(frame.to_local(corners.at[i]));
+  const DVec3 low = own.low - grid.thickness, high = own.high + grid.thickness;
   const IVec3 n = glm::max(IVec3(glm::round((high - low) / options_.spacing)), IVec3(1));
   std::map<std::array<int, 3>, Index> index;
   const auto point = [&](const std::array<int, 3>& c) {
@@ -107,12 +130,10 @@ void Seeds::pose(const std::vector<SkeletonElement>& elements) {
   element_.resize(first_.back());
   for (std::size_t i = 0; i < elements.size(); ++i) {
     const Frame frame(elements[i]);
-    const double length = glm::distance(elements[i].a, elements[i].b);
     for_each_index(grid_[i].box_point.size(), [&](std::size_t k) {
-      const DVec3& p = grid_[i].box_point[k];
-      const DVec3 nearest(std::clamp(p.x, 0.0, length), 0.0, 0.0);
-      const DVec3 start = frame.to_world(nearest);
-      axis_[first_[i] + k] = {start, glm::normalize(frame.to_world(p) - start)};
+      const DVec3 p = frame.to_world(grid_[i].box_point[k]);
+      const DVec3 out = offset_from(elements[i], p).x;
+      axis_[first_[i] + k] = {p - out, glm::normalize(out)};
       element_[first_[i] + k] = Index(i);
     });
   }
@@ -154,18 +175,13 @@ SeedReport Seeds::move_to(const SkeletonParts& parts, Backend& backend) {
 void Seeds::find_neighbours(const std::vector<SkeletonElement>& elements) {
   neighbours_.assign(elements.size(), {});
   for_each_index(elements.size(), [&](std::size_t i) {
-    Box seeds;
-    seeds.add(elements[i].a);
-    seeds.add(elements[i].b);
+    Box seeds = extent(elements[i]);
     for (Index s = first_[i]; s < first_[i + 1]; ++s) seeds.add(DVec3(position_[s]));
     for (Index j = 0; j < elements.size(); ++j) {
       const SkeletonElement& e = elements[j];
-      const bool compact = e.potential == Potential::metaball || e.potential == Potential::wyvill;
-      Box influence;  // where one coordinate is a radius away no p-norm is less
-      influence.add(e.a);
-      influence.add(e.b);
-      // An element that takes away contributes less than one that is not felt at all.
-      if (j != i && (!compact || elements[i].weight <= 0.0 || meet(influence.grown(e.radius), seeds)))
+      // Where one coordinate is a radius away no p-norm is less. An element that takes away contributes less than one
+      // that is not felt at all.
+      if (j != i && (!is_compact(e) || elements[i].weight <= 0.0 || meet(extent(e).grown(e.radius), seeds)))
         neighbours_[i].push_back(j);
     }
   });

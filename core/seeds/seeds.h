@@ -31,7 +31,8 @@ struct SkeletonParts {
 };
 SkeletonParts skeleton_parts(const Field& field, const std::string& name = "seeds");
 
-/// The seeds of all elements. A seed is a distance on its axis, which starts on the element and is fixed in its frame:
+/// The seeds of all elements: points, segments, triangles and boxes. A seed is a distance on its axis, which starts on
+/// the element and is fixed in its frame:
 /// a rigid motion moves seeds without any evaluation. Elements that grow or shrink get new ones, so that density stays.
 class Seeds {
 public:

@@ -89,7 +89,7 @@ struct Bounds {
 
 /// True when the element's potential ends before the box begins.
 bool is_out_of_reach(const SkeletonElement& e, const RealBox& box) {
-  if (e.potential != Potential::metaball && e.potential != Potential::wyvill) return false;
+  if (!is_compact(e)) return false;
   constexpr double kRounding = 1e-12;
   double near = 0.0;
   for (int i = 0; i < 3; ++i) {
@@ -230,7 +230,7 @@ private:
 
 void check(const SkeletonField& field) {
   for (const SkeletonElement& e : field.elements())
-    if (e.a != e.b || e.norm != 2.0)
+    if (!is_point(e) || e.norm != 2.0)
       throw std::invalid_argument("interval search: bounds of derivatives are known for points of norm 2 only");
 }
 

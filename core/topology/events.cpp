@@ -58,7 +58,7 @@ void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3
   std::vector<std::pair<DVec3, double>> ball;
   double widest = 0.0;
   for (const SkeletonElement& e : elements) {
-    ball.emplace_back(0.5 * (e.a + e.b), e.radius);
+    ball.emplace_back(center(e), e.radius);
     widest = std::max(widest, e.radius);
   }
   std::stable_sort(ball.begin(), ball.end(), [](const auto& a, const auto& b) { return a.first.x < b.first.x; });
@@ -80,7 +80,7 @@ CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const 
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
   return field.elements().size() <= options.complete_elements &&
          std::all_of(field.elements().begin(), field.elements().end(),
-                     [](const SkeletonElement& e) { return e.a == e.b && e.norm == 2.0; });
+                     [](const SkeletonElement& e) { return is_point(e) && e.norm == 2.0; });
 }
 
 }  // namespace
@@ -95,7 +95,7 @@ EventOptions event_options(double edge_length) {
 std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend) {
   std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend);
   if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) {
-    for (const SkeletonElement& e : skeleton->elements()) seeds.push_back(0.5 * (e.a + e.b));
+    for (const SkeletonElement& e : skeleton->elements()) seeds.push_back(center(e));
     add_middles(skeleton->elements(), seeds);
   }
   return seeds;
