@@ -15,6 +15,7 @@
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
 #include "core/topology/droplets.h"
+#include "core/topology/necks.h"
 #include "core/topology/thin_features.h"
 #include "core/topology/triangle_pairs.h"
 #include "core/trace.h"
@@ -101,6 +102,13 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
     if (piece != kNone && certificate.mesh_piece[piece] != Fault::none && sizes[piece] <= most_vertices)
       sites.add(mesh.position(v), true);
   }
+}
+
+/// Where a piece with another topology is one triangle around, a handle or neck may be that no lattice corner tells of.
+void add_necks(const TriangleMesh& mesh, const std::vector<std::uint8_t>& failed, BadSites& sites) {
+  const std::vector<std::uint8_t> neck = neck_vertices(mesh);
+  for (Index v = 0; v < neck.size(); ++v)
+    if (neck[v] && failed[v]) sites.add(mesh.position(v), false, true);
 }
 
 /// While new skin settles, the field stands still, and nothing has to wait for the next frame.
@@ -288,8 +296,11 @@ void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameRe
 /// Predicts; where the new surface has another topology than the mesh that was to follow it, the mesh as it was is
 /// operated on and predicted again.
 void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
-  constexpr int kRounds = 3;  // three sheets that meet need two
+  constexpr double kHalfSheet = 1.5;  // voxels; fields without voxels have no sheets to be outrun by
+  constexpr int kRounds = 3;          // three sheets that meet need two
   for (Index& age : mesh_.vertices.age) ++age;
+  FlowOptions flow;
+  flow.half_sheet = float(kHalfSheet * frame.field->resolution());
   std::vector<Ball> split;
   for (int round = 0;; ++round) {
     const bool may_collide = round < kRounds && started_ && collides(*frame.field);
@@ -298,7 +309,7 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
       Step step(report, "predict");
       if (may_collide) before = mesh_.vertices;
       predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project,
-              sleeping(mesh_.vertices, options_.sleep));
+              sleeping(mesh_.vertices, options_.sleep), flow);
     }
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
@@ -468,6 +479,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   BadSites sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice),
                                   *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
+  add_necks(mesh_, failed_vertices(evidence.pieces, evidence.certificate), sites);
   if (sites.point.empty()) return false;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;

@@ -1,6 +1,8 @@
 // Fast fronts: skins are taken along by what moves, also where it moves within its own surface.
 #include "core/mechanics/flow.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include <gtest/gtest.h>
@@ -40,7 +42,60 @@ private:
   DVec3 centre_, stretch_;
 };
 
+/// A round sheet in the plane z = 0: what is nearer than `half` to a disc. F is a distance.
+class SheetField final : public Field {
+public:
+  SheetField(double radius, double half) : radius_(radius), half_(half) {}
+  FieldSample sample(const DVec3& p) const override {
+    const double r = std::hypot(p.x, p.y);
+    const double beyond = std::max(0.0, r - radius_);
+    const DVec3 from_disc(r > 0.0 ? beyond / r * p.x : 0.0, r > 0.0 ? beyond / r * p.y : 0.0, p.z);
+    const double distance = glm::length(from_disc);
+    return {half_ - distance, distance > 0.0 ? -from_disc / distance : DVec3(0.0)};
+  }
+  Box bounds() const override {
+    const DVec3 size(radius_ + half_, radius_ + half_, half_);
+    Box box;
+    box.add(-size);
+    box.add(size);
+    return box;
+  }
+  Interval range(const Box&) const override {
+    constexpr double kAll = std::numeric_limits<double>::infinity();
+    return {-kAll, kAll};
+  }
+
+private:
+  double radius_, half_;
+};
+
 }  // namespace
+
+TEST(Flow, a_rim_that_has_outrun_the_skin_is_found_where_the_sheet_ends) {
+  constexpr double kHalf = 0.1, kFrom = 1.0, kTo = 1.6;
+  TrackOptions options;
+  options.edge_length = 0.12;
+  const FieldFrame first{0, 0.0, std::make_shared<SheetField>(kFrom, kHalf), nullptr};
+  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
+  tracker.advance(first);
+  const TriangleMesh& mesh = tracker.mechanical();
+  const auto backend = make_reference_backend();
+  backend->set_field(std::make_shared<SheetField>(kTo, kHalf));
+  for (const bool follow : {false, true}) {
+    FlowOptions flow;
+    flow.half_sheet = follow ? 1.5f * float(kHalf) : 0.0f;
+    const std::vector<Vec3> way = surface_flow(mesh, kStep, *backend, 0.06f, flow);
+    std::size_t rims = 0, arrived = 0;
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      const Vec3 &from = mesh.position(v), to = from + way[v];
+      if (glm::length(glm::vec2(from)) < kFrom + 0.9 * kHalf) continue;
+      ++rims;
+      arrived += std::abs(glm::length(glm::vec2(to)) - (kTo + kHalf)) < 0.05;
+    }
+    EXPECT_GT(rims, 20u);
+    EXPECT_EQ(arrived, follow ? rims : 0u);
+  }
+}
 
 TEST(Flow, a_body_that_moves_takes_all_of_its_skin_along) {
   const Vec3 step(0.1f, 0.05f, 0.0f);

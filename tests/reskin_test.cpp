@@ -10,6 +10,7 @@
 #include "core/field/skeleton_field.h"
 #include "core/io/scene.h"
 #include "core/mesh/validate.h"
+#include "core/topology/necks.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
 #include "tests/analytic_fields.h"
@@ -189,6 +190,17 @@ TEST(Reskin, ReplacesASuspectHandle) {
   EXPECT_GT(report.triangles_removed, 0u);
   EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
   EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+}
+
+TEST(Reskin, FindsWhereAHandleIsOneTriangleAround) {
+  GoodSkin skin;
+  const auto necks = [](const TriangleMesh& mesh) {
+    const std::vector<std::uint8_t> on = neck_vertices(mesh);
+    return std::count(on.begin(), on.end(), 1);
+  };
+  EXPECT_EQ(necks(skin.mesh), 0);
+  damage::Random random(5);
+  EXPECT_EQ(necks(damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length))), 6);
 }
 
 TEST(Reskin, LeavesOddPlacesAloneWhereNoSeamFails) {

@@ -58,6 +58,50 @@ void sweep(const VertexCorners& corners, const std::vector<Index>& neighbour, co
   }
 }
 
+/// A vertex on its way to the rim of the sheet it is in.
+struct Walker {
+  Index vertex;
+  Vec3 at, heading;
+};
+
+/// Vertices that their displacement leaves inside while the surface nearest to them faces elsewhere than they do: the
+/// rim of a sheet has outrun them. They walk on along the sheet, in the direction they face, until they come out of it
+/// at a rim again; those that turn back, or get where it is no sheet, stay where they were.
+void follow_rims(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Backend& backend,
+                 const FlowOptions& options, std::vector<Vec3>& displacement) {
+  constexpr float kLeastSlope = 0.1f;  // of what a distance has: less is no side to keep off from
+  constexpr float kAgree = 0.5f;       // cosine between what a vertex faces and what it comes out at
+  constexpr float kAlong = 0.5f;       // of a heading: less is a bump in the middle of the sheet, to be walked over
+  constexpr float kToMiddle = 0.5f;    // of a step
+  const float step = 0.25f * options.half_sheet;
+  std::vector<Walker> walkers(displacement.size());
+  for_each_index(walkers.size(), [&](std::size_t v) {
+    walkers[v] = {Index(v), mesh.position(Index(v)) + displacement[v], normals[v]};
+  });
+  for (int i = 0; i <= options.rim_steps && !walkers.empty(); ++i) {
+    std::vector<Vec3> points(walkers.size()), gradients(walkers.size());
+    std::vector<float> values(walkers.size());
+    for_each_index(points.size(), [&](std::size_t w) { points[w] = walkers[w].at; });
+    backend.evaluate(points, values, gradients);
+    std::vector<Walker> walking;
+    for (std::size_t w = 0; w < walkers.size(); ++w) {
+      Walker walker = walkers[w];
+      const float slope = glm::length(gradients[w]);
+      const Vec3 outward = slope > kLeastSlope ? -gradients[w] / slope : Vec3(0.0f);
+      const float agree = glm::dot(outward, walker.heading);
+      if (i == 0 && (values[w] <= 0.0f || agree >= kAgree)) continue;  // nothing has outrun it
+      if (values[w] <= 0.0f && agree > kAgree) displacement[walker.vertex] = walker.at - mesh.position(walker.vertex);
+      if (values[w] <= 0.0f || !(values[w] <= options.half_sheet)) continue;
+      const Vec3 along = walker.heading - agree * outward;
+      if (glm::length(along) >= kAlong) walker.heading = normalized(along);
+      if (glm::dot(walker.heading, normals[walker.vertex]) < 0.0f) continue;
+      walker.at += step * (walker.heading - kToMiddle * outward);
+      walking.push_back(walker);
+    }
+    walkers = std::move(walking);
+  }
+}
+
 /// Where displaced vertices are near the surface: to land on it, along its normals there.
 void aim(const TriangleMesh& mesh, const std::vector<Vec3>& displacement, Backend& backend, float max_step,
          NormalParts& known) {
@@ -91,7 +135,9 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, Backend& bac
   std::vector<std::pair<Index, Vec3>> small;
   for (const Index v : small_piece_vertices(mesh)) small.emplace_back(v, known.length[v] * known.direction[v]);
   sweep(corners, neighbour, known, options.sweeps, displacement);
+  const std::vector<Vec3> normals = known.direction;
   for (int i = 0; i < options.aims; ++i) {
+    if (options.half_sheet > 0.0f) follow_rims(mesh, normals, backend, options, displacement);
     aim(mesh, displacement, backend, max_step, known);
     sweep(corners, neighbour, known, options.sweeps, displacement);
   }

@@ -1,6 +1,5 @@
 #include "core/mechanics/motion.h"
 
-#include "core/mechanics/flow.h"
 #include "core/mesh/mesh_part.h"
 #include "core/parallel.h"
 
@@ -56,10 +55,10 @@ EdgeWeights along_edges(const DVec3& d, const DVec3& edge_a, const DVec3& edge_b
 }  // namespace
 
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
-             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen) {
+             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen, const FlowOptions& flow) {
   if (!frozen.empty()) {
     OpenPart part = open_part(mesh, frozen);
-    predict(part.mesh, velocity, dt, backend, options);
+    predict(part.mesh, velocity, dt, backend, options, {}, flow);
     for_each_index(frozen.size(), [&](std::size_t v) {
       if (frozen[v]) mesh.vertices.velocity[v] = Vec3(0.0f);
     });
@@ -76,8 +75,8 @@ void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backe
   if (velocity) {
     advect(vertices, *velocity, dt);
   } else if (dt > 0.0) {
-    const std::vector<Vec3> flow = surface_flow(mesh, dt, backend, options.max_step);
-    for_each_index(flow.size(), [&](std::size_t v) { vertices.position[v] += flow[v]; });
+    const std::vector<Vec3> way = surface_flow(mesh, dt, backend, options.max_step, flow);
+    for_each_index(way.size(), [&](std::size_t v) { vertices.position[v] += way[v]; });
   }
   std::vector<ProjectStatus> status(mesh.vertex_count());
   backend.project(vertices.position, options, status);

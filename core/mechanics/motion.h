@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/backend.h"
+#include "core/mechanics/flow.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
@@ -17,7 +18,7 @@ namespace isoskin {
 /// `frozen` (one byte a vertex, may be empty): such vertices stay where they are, their velocity becomes zero, and
 /// where all vertices about one are frozen nothing is computed.
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
-             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {});
+             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {}, const FlowOptions& flow = {});
 
 /// The velocity column from the grid, at every vertex.
 void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity);

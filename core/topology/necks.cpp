@@ -1,0 +1,43 @@
+#include "core/topology/necks.h"
+
+#include <algorithm>
+
+#include "core/parallel.h"
+
+namespace isoskin {
+namespace {
+
+/// The halfedges that leave the start of h, in order about it.
+template <class Visit>
+void around(const TriangleMesh& mesh, Index h, const Visit& visit) {
+  Index k = h;
+  do {
+    visit(k);
+    k = mesh.turn(k);
+  } while (k != h);
+}
+
+bool on_neck(const TriangleMesh& mesh, Index leaving) {
+  std::vector<Index> ring;
+  around(mesh, leaving, [&](Index k) { ring.push_back(mesh.to(k)); });
+  bool found = false;
+  around(mesh, leaving, [&](Index k) {
+    const Index left = mesh.from(TriangleMesh::prev(k)), right = mesh.to(TriangleMesh::next(mesh.twin[k]));
+    around(mesh, mesh.twin[k], [&](Index g) {
+      const Index w = mesh.to(g);
+      found |= w != left && w != right && std::find(ring.begin(), ring.end(), w) != ring.end();
+    });
+  });
+  return found;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> neck_vertices(const TriangleMesh& mesh) {
+  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
+  std::vector<std::uint8_t> on(mesh.vertex_count());
+  for_each_index(on.size(), [&](std::size_t v) { on[v] = outgoing[v] != kNone && on_neck(mesh, outgoing[v]); });
+  return on;
+}
+
+}  // namespace isoskin
