@@ -4,6 +4,13 @@
 
 namespace isoskin {
 
+void Field::values(const DVec3& origin, double spacing, const IVec3& count, std::span<double> out) const {
+  std::size_t next = 0;
+  for (int x = 0; x < count.x; ++x)
+    for (int y = 0; y < count.y; ++y)
+      for (int z = 0; z < count.z; ++z) out[next++] = value(origin + spacing * DVec3(x, y, z));
+}
+
 DMat3 Field::hessian(const DVec3& p) const {
   const double step = 1e-4 * (resolution() > 0.0 ? resolution() : 1.0);
   DMat3 h(0.0);

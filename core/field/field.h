@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 
 #include "core/types.h"
@@ -27,6 +28,10 @@ public:
 
   /// F alone; override where it is cheaper.
   virtual double value(const DVec3& p) const { return sample(p).value; }
+
+  /// F at origin + spacing * (i, j, k), 0 <= (i, j, k) < count, z fastest: the very numbers that value() gives.
+  /// Override where neighbours can share work.
+  virtual void values(const DVec3& origin, double spacing, const IVec3& count, std::span<double> out) const;
 
   /// Second derivatives at `p`. The default takes central differences of the gradient.
   virtual DMat3 hessian(const DVec3& p) const;

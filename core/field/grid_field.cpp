@@ -70,6 +70,74 @@ std::array<Weights, 3> weights_at(const BrickGrid& grid, const DVec3& t) {
   return {weights(t.x), weights(t.y), weights(t.z)};
 }
 
+/// Points in a row along an axis that lie in one block of the table, or beyond it.
+struct Run {
+  struct Point {
+    int tap;  // the first of its support
+    std::array<double, 4> weight;
+  };
+  int first = 0;   // point
+  int block = -1;  // of the table; -1: beyond
+  std::vector<Point> point;
+};
+
+std::vector<Run> runs_along(const BrickGrid& grid, int axis, const DVec3& origin, double spacing, int count) {
+  const auto weights = grid.interpolation == Interpolation::cubic ? cubic_weights : linear_weights;
+  std::vector<Run> runs;
+  for (int i = 0; i < count; ++i) {
+    const double q = (origin[axis] + spacing * double(i) - grid.origin[axis]) / grid.h - grid.table_low[axis] * kBrick;
+    const bool within = q >= 0.0 && q < grid.table_size[axis] * kBrick;
+    const int cell = within ? int(q) : 0, block = within ? cell / kBrick : -1;
+    if (runs.empty() || runs.back().block != block) runs.push_back({i, block, {}});
+    runs.back().point.push_back({cell % kBrick + lead(grid), weights(q - cell).value});
+  }
+  return runs;
+}
+
+/// Sums as sample() does, but for sums that points share.
+void values_within(const BrickGrid& grid, const Run& x, const Run& y, const Run& z, const IVec3& count,
+                   std::span<double> out) {
+  const auto slot = [&](std::size_t i, std::size_t j, std::size_t k) -> double& {
+    return out[((x.first + i) * count.y + y.first + j) * count.z + z.first + k];
+  };
+  const bool beyond = x.block < 0 || y.block < 0 || z.block < 0;
+  const std::int32_t entry = beyond ? -1 : grid.table[entry_of(grid, {x.block, y.block, z.block})];
+  if (entry < 0) {
+    for (std::size_t i = 0; i < x.point.size(); ++i)
+      for (std::size_t j = 0; j < y.point.size(); ++j)
+        for (std::size_t k = 0; k < z.point.size(); ++k)
+          slot(i, j, k) = beyond ? grid.outside : grid.constant[-1 - entry];
+    return;
+  }
+  const float* const taps = grid.tap.data() + std::size_t(entry) * BrickGrid::kTapValues;
+  const int n = support(grid);
+  const int x_end = x.point.back().tap + n, y_end = y.point.back().tap + n;
+  std::array<std::array<double, kTaps>, kTaps> line;
+  std::array<double, kTaps> plane;
+  for (std::size_t k = 0; k < z.point.size(); ++k) {
+    const auto& [tap_z, weight_z] = z.point[k];
+    for (int a = x.point.front().tap; a < x_end; ++a)
+      for (int b = y.point.front().tap; b < y_end; ++b) {
+        const float* const row = taps + (a * kTaps + b) * kTaps + tap_z;
+        line[a][b] = 0.0;
+        for (int c = 0; c < n; ++c) line[a][b] += weight_z[c] * row[c];
+      }
+    for (std::size_t j = 0; j < y.point.size(); ++j) {
+      const auto& [tap_y, weight_y] = y.point[j];
+      for (int a = x.point.front().tap; a < x_end; ++a) {
+        plane[a] = 0.0;
+        for (int b = 0; b < n; ++b) plane[a] += weight_y[b] * line[a][tap_y + b];
+      }
+      for (std::size_t i = 0; i < x.point.size(); ++i) {
+        const auto& [tap_x, weight_x] = x.point[i];
+        double value = 0.0;
+        for (int a = 0; a < n; ++a) value += weight_x[a] * plane[tap_x + a];
+        slot(i, j, k) = value;
+      }
+    }
+  }
+}
+
 struct FloatRange {
   float low = std::numeric_limits<float>::infinity(), high = -std::numeric_limits<float>::infinity();
   void add(const FloatRange& other) {
@@ -257,6 +325,15 @@ double GridField::value(const DVec3& p) const {
     value += wx.value[x] * plane;
   }
   return value;
+}
+
+void GridField::values(const DVec3& origin, double spacing, const IVec3& count, std::span<double> out) const {
+  const std::array<std::vector<Run>, 3> runs{runs_along(*grid_, 0, origin, spacing, count.x),
+                                             runs_along(*grid_, 1, origin, spacing, count.y),
+                                             runs_along(*grid_, 2, origin, spacing, count.z)};
+  for (const Run& x : runs[0])
+    for (const Run& y : runs[1])
+      for (const Run& z : runs[2]) values_within(*grid_, x, y, z, count, out);
 }
 
 DMat3 GridField::hessian(const DVec3& p) const {

@@ -40,6 +40,7 @@ public:
   /// In a constant block and beyond the table the gradient is zero.
   FieldSample sample(const DVec3& p) const override;
   double value(const DVec3& p) const override;
+  void values(const DVec3& origin, double spacing, const IVec3& count, std::span<double> out) const override;
   DMat3 hessian(const DVec3& p) const override;
   /// The box of those cells whose Bernstein coefficients (linear: taps) differ in sign: the surface lies nowhere else.
   Box bounds() const override { return bounds_; }

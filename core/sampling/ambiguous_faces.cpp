@@ -8,9 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include <tbb/parallel_for.h>
-
-#include "core/sampling/brick_signs.h"
+#include "core/parallel.h"
 #include "core/sampling/cell_surface.h"
 
 namespace isoskin {
@@ -19,10 +17,10 @@ namespace {
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 
-void add_faces(const BrickLattice& lattice, std::size_t brick, std::vector<CrosswiseFace>& out) {
-  const float* value = &lattice.value[brick * BrickLattice::kValues];
-  const BrickSigns signs(value);
+void add_faces(const BrickLattice& lattice, const BrickSigns& signs, std::size_t brick,
+               std::vector<CrosswiseFace>& out) {
   if (!signs.mixed()) return;
+  const float* value = &lattice.value[brick * BrickLattice::kValues];
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   for (int axis = 0; axis < 3; ++axis)
     for (int x = 0; x < (axis == 0 ? kCorners : kCells); ++x)
@@ -179,11 +177,11 @@ bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cel
   return points.joined(fine_corner(corner_behind(s, 0, v, inside)), fine_corner(corner_behind(s, 1, v, inside)));
 }
 
-void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field) {
+void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field) {
   std::vector<std::vector<BrickLattice::Face>> found(lattice.brick_count());
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
+  for_each_index(found.size(), [&](std::size_t b) {
     std::vector<CrosswiseFace> faces;
-    add_faces(lattice, b, faces);
+    add_faces(lattice, signs[b], b, faces);
     for (const CrosswiseFace& f : faces)
       found[b].push_back({BrickLattice::face_key(f.corner, f.axis), inside_joined(lattice, field, f)});
   });
@@ -195,12 +193,12 @@ void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field) {
   lattice.face.erase(std::unique(lattice.face.begin(), lattice.face.end(), same), lattice.face.end());
 }
 
-void resolve_tunnels(BrickLattice& lattice, const Field& field) {
+void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& of_brick, const Field& field) {
   std::vector<std::vector<std::uint64_t>> found(lattice.brick_count());
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
-    const float* value = &lattice.value[b * BrickLattice::kValues];
-    const BrickSigns signs(value);
+  for_each_index(found.size(), [&](std::size_t b) {
+    const BrickSigns& signs = of_brick[b];
     if (!signs.mixed()) return;
+    const float* value = &lattice.value[b * BrickLattice::kValues];
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)
         for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {

@@ -6,16 +6,18 @@
 
 #include "core/field/field.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
 
 namespace isoskin {
 
-/// Fills lattice.face: every ambiguous face, resolved by inside_joined(). Parallel.
-void resolve_ambiguous_faces(BrickLattice& lattice, const Field& field);
+/// Fills lattice.face: every ambiguous face, resolved by inside_joined(). `signs`: of the lattice, one a brick.
+/// Parallel.
+void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field);
 
 /// Fills lattice.tunnel: cells of two loops behind which F, on a lattice four times as fine, hangs together inside the
 /// cell (the interior ambiguity of marching cubes). Faces must be resolved. Parallel.
-void resolve_tunnels(BrickLattice& lattice, const Field& field);
+void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field);
 
 /// A cell face whose corner signs lie crosswise.
 struct CrosswiseFace {

@@ -3,11 +3,13 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #ifdef __SSE2__
 #include <emmintrin.h>
 #endif
 
+#include "core/parallel.h"
 #include "core/sampling/brick_lattice.h"
 
 namespace isoskin {
@@ -29,6 +31,16 @@ struct BrickSigns {
     unsigned any = 0, all = 0x1ff;
     for (const unsigned r : row) any |= r, all &= r;
     return any != 0 && all != 0x1ff;
+  }
+
+  /// Does the face (or edge, for two axes that are not 0) of the brick towards `offset` have corners of both signs?
+  /// `offset` is -1, 0 or 1 on each axis.
+  bool crosses(const IVec3& offset) const {
+    unsigned any = 0, all = 0x1ff;
+    for (int x = offset.x > 0 ? 8 : 0; x <= (offset.x < 0 ? 0 : 8); ++x)
+      for (int y = offset.y > 0 ? 8 : 0; y <= (offset.y < 0 ? 0 : 8); ++y) any |= at(x, y), all &= at(x, y);
+    const unsigned there = offset.z == 0 ? 0x1ff : offset.z > 0 ? 0x100 : 1;
+    return (any & there) != 0 && (all & there) != there;
   }
 
   /// Bit c set where corner (c & 1, c >> 1 & 1, c >> 2 & 1) of the cell is inside.
@@ -71,5 +83,13 @@ private:
 #endif
   }
 };
+
+/// Of every brick.
+inline std::vector<BrickSigns> brick_signs(const BrickLattice& lattice) {
+  std::vector<BrickSigns> signs(lattice.brick_count());
+  for_each_index(signs.size(),
+                 [&](std::size_t b) { signs[b] = BrickSigns(&lattice.value[b * BrickLattice::kValues]); });
+  return signs;
+}
 
 }  // namespace isoskin

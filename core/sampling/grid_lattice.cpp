@@ -7,6 +7,13 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
+#include "core/parallel.h"
+#include "core/vectorized.h"
+
 namespace isoskin {
 namespace {
 
@@ -54,38 +61,67 @@ std::int32_t table_entry(const BrickGrid& grid, const IVec3& brick, bool& presen
                  : -1;
 }
 
-/// values[729] from the window of taps that begins at `first` in a grid brick.
-void interpolate(const float* tap, const IVec3& first, const Row& row, float* values) {
-  constexpr int kMost = kTaps;
-  const int w = row.width;
-  double window[kMost * kMost * kMost];
+/// Bit z where tap z of a row is inside.
+std::uint16_t signs_of_taps(const float* tap) {
+#ifdef __SSE2__
+  const __m128 zero = _mm_setzero_ps();
+  const int low = _mm_movemask_ps(_mm_cmpgt_ps(_mm_loadu_ps(tap), zero));
+  const int middle = _mm_movemask_ps(_mm_cmpgt_ps(_mm_loadu_ps(tap + 4), zero));
+  const int high = _mm_movemask_ps(_mm_cmpgt_ps(_mm_loadu_ps(tap + kTaps - 4), zero));
+  return static_cast<std::uint16_t>(low | middle << 4 | high << (kTaps - 4));
+#else
+  unsigned bits = 0;
+  for (int z = 0; z < kTaps; ++z) bits |= static_cast<unsigned>(tap[z] > 0.0f) << z;
+  return static_cast<std::uint16_t>(bits);
+#endif
+}
+
+/// values[729] from the window of w^3 taps that begins at `first` in a grid brick.
+template <int w>
+[[gnu::always_inline]] inline void interpolate(const float* tap, const IVec3& first, const Row& row, float* values) {
+  constexpr int plane = w * w;
+  double window[w * plane];
   for (int x = 0; x < w; ++x)
     for (int y = 0; y < w; ++y)
       for (int z = 0; z < w; ++z)
-        window[(x * w + y) * w + z] = tap[((first.x + x) * kTaps + first.y + y) * kTaps + first.z + z];
-  double along_x[kCorners * kMost * kMost];
-  const int plane = w * w;
+        window[x * plane + y * w + z] = tap[((first.x + x) * kTaps + first.y + y) * kTaps + first.z + z];
+  double along_x[kCorners * plane];
   for (int i = 0; i < kCorners; ++i) {
     const double* t = window + row.start[i] * plane;
     const auto& c = row.weight[i];
     for (int j = 0; j < plane; ++j)
       along_x[i * plane + j] = c[0] * t[j] + c[1] * t[plane + j] + c[2] * t[2 * plane + j] + c[3] * t[3 * plane + j];
   }
-  double along_y[kCorners * kMost];
+  double along_y[w][kCorners];  // by tap along z, so that the last sum runs over neighbours in memory
   for (int x = 0; x < kCorners; ++x) {
     for (int i = 0; i < kCorners; ++i) {
       const double* t = along_x + x * plane + row.start[i] * w;
       const auto& c = row.weight[i];
       for (int j = 0; j < w; ++j)
-        along_y[i * w + j] = c[0] * t[j] + c[1] * t[w + j] + c[2] * t[2 * w + j] + c[3] * t[3 * w + j];
+        along_y[j][i] = c[0] * t[j] + c[1] * t[w + j] + c[2] * t[2 * w + j] + c[3] * t[3 * w + j];
+    }
+    float along_z[kCorners][kCorners];
+    for (int i = 0; i < kCorners; ++i) {
+      const auto* t = along_y + row.start[i];
+      const auto& c = row.weight[i];
+      for (int y = 0; y < kCorners; ++y)
+        along_z[i][y] = static_cast<float>(c[0] * t[0][y] + c[1] * t[1][y] + c[2] * t[2][y] + c[3] * t[3][y]);
     }
     for (int y = 0; y < kCorners; ++y)
-      for (int i = 0; i < kCorners; ++i) {
-        const double* t = along_y + y * w + row.start[i];
-        const auto& c = row.weight[i];
-        values[(x * kCorners + y) * kCorners + i] =
-            static_cast<float>(c[0] * t[0] + c[1] * t[1] + c[2] * t[2] + c[3] * t[3]);
-      }
+      for (int i = 0; i < kCorners; ++i) values[(x * kCorners + y) * kCorners + i] = along_z[i][y];
+  }
+}
+
+ISOSKIN_VECTORIZED void interpolate(const float* tap, const IVec3& first, const Row& row, float* values) {
+  switch (row.width) {
+    case 4:
+      return interpolate<4>(tap, first, row, values);
+    case 5:
+      return interpolate<5>(tap, first, row, values);
+    case 7:
+      return interpolate<7>(tap, first, row, values);
+    default:
+      return interpolate<11>(tap, first, row, values);
   }
 }
 
@@ -102,19 +138,18 @@ std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts) {
   const bool cubic = grid.interpolation == Interpolation::cubic;
   const int from = cubic ? 0 : 1, to = width + (cubic ? 2 : 1);  // taps that lattice brick (0,0,0) reads
   std::vector<std::vector<IVec3>> found(grid.brick_coordinate.size());
-  tbb::parallel_for(std::size_t{0}, found.size(), [&](std::size_t b) {
+  for_each_index(found.size(), [&](std::size_t b) {
     const float* tap = &grid.tap[b * BrickGrid::kTapValues];
-    const auto [least, most] = std::minmax_element(tap, tap + BrickGrid::kTapValues);
-    if (!(*least <= 0.0f && *most > 0.0f)) return;
+    std::array<std::uint16_t, kTaps * kTaps> inside;  // bit z of a row
+    for (int row = 0; row < kTaps * kTaps; ++row) inside[row] = signs_of_taps(tap + row * kTaps);
     for (int i = 0; i < parts * parts * parts; ++i) {
       const IVec3 sub(i / (parts * parts), i / parts % parts, i % parts);
-      bool in = false, out = false;
+      unsigned any = 0, all = ~0u;
       for (int x = sub.x * width + from; x <= sub.x * width + to; ++x)
-        for (int y = sub.y * width + from; y <= sub.y * width + to; ++y) {
-          const float* row = tap + (x * kTaps + y) * kTaps + sub.z * width;
-          for (int z = from; z <= to; ++z) (row[z] > 0.0f ? in : out) = true;
-        }
-      if (in && out) found[b].push_back(grid.brick_coordinate[b] * parts + sub);
+        for (int y = sub.y * width + from; y <= sub.y * width + to; ++y)
+          any |= inside[x * kTaps + y], all &= inside[x * kTaps + y];
+      const unsigned taps = ((1u << (to - from + 1)) - 1) << (sub.z * width + from);
+      if ((any & taps) != 0 && (all & taps) != taps) found[b].push_back(grid.brick_coordinate[b] * parts + sub);
     }
   });
   std::vector<IVec3> all;

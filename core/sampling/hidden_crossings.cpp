@@ -10,9 +10,10 @@
 
 #include <tbb/parallel_for.h>
 
+#include "core/parallel.h"
 #include "core/sampling/ambiguous_faces.h"
-#include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
+#include "core/vectorized.h"
 
 namespace isoskin {
 namespace {
@@ -46,22 +47,34 @@ float changed(float value) {
   return value == 0.0f ? std::numeric_limits<float>::min() : -float(kTiny) * value;
 }
 
-/// Is the value halfway along an edge from `at` expected on the other side than its two ends, or near it? From the
-/// corners on the edge's line that the brick has.
-bool may_dip(const float* at, int step, bool has_before, bool has_after) {
+/// Is the value `middle`, expected halfway along an edge with these values of one side at its ends, on the other side,
+/// or near it? Without a branch, so that loops over it become vectors.
+inline bool low_middle(float p, float q, float middle) {
+  const float sum = p + q;
+  return sum * (float(kDip) * 0.5f * sum - middle) > 0.0f;
+}
+
+/// Of the edge from `at` to at[step], where its line has no corner of the brick before or after it.
+bool may_dip_at_end(const float* at, int step, bool has_after) {
   const float p = at[0], q = at[step];
-  const float middle = has_before && has_after ? (9.0f * (p + q) - at[-step] - at[2 * step]) / 16.0f
-                       : has_before            ? (6.0f * p + 3.0f * q - at[-step]) / 8.0f
-                                               : (3.0f * p + 6.0f * q - at[2 * step]) / 8.0f;
-  const float limit = float(kDip) * 0.5f * (p + q);
-  return p > 0.0f ? middle < limit : middle > limit;
+  return low_middle(p, q,
+                    has_after ? (3.0f * p + 6.0f * q - at[2 * step]) / 8.0f : (6.0f * p + 3.0f * q - at[-step]) / 8.0f);
+}
+
+using Flags = std::array<std::uint8_t, BrickLattice::kValues>;  // one a corner of a brick
+
+/// For every edge value[i] to value[i + step] of a brick; means nothing at the ends of lines.
+ISOSKIN_VECTORIZED void find_low_middles(const float* value, int step, Flags& flags) {
+  for (int i = step; i < BrickLattice::kValues - 2 * step; ++i)
+    flags[i] = low_middle(value[i], value[i + step],
+                          (9.0f * (value[i] + value[i + step]) - value[i - step] - value[i + 2 * step]) / 16.0f);
 }
 
 /// The edges of a brick that begin and end on one side and touch a cell that the surface crosses, as bits of rows along
 /// z.
 class EdgesBySurface {
 public:
-  explicit EdgesBySurface(const float* value) : signs_(value) {
+  explicit EdgesBySurface(const BrickSigns& signs) : signs_(signs) {
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y) any_ |= cells_[x + 1][y + 1] = std::uint16_t(signs_.surface_cells(x, y));
   }
@@ -78,7 +91,7 @@ public:
   }
 
 private:
-  BrickSigns signs_;
+  const BrickSigns& signs_;
   std::array<std::array<std::uint16_t, kCorners + 1>, kCorners + 1> cells_{};  // with a rim of none
   unsigned any_ = 0;
 };
@@ -101,21 +114,27 @@ bool dips(const BrickLattice& lattice, const Field& field, const HiddenEdge& edg
   return lowest > 0.0 && lowest < 1.0 && other_side(value(lowest));
 }
 
-void find_hidden(const BrickLattice& lattice, const Field& field, std::size_t brick, std::vector<HiddenEdge>& out) {
+void find_hidden(const BrickLattice& lattice, const BrickSigns& signs, const Field& field, std::size_t brick,
+                 std::vector<HiddenEdge>& out) {
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   const float* value = &lattice.value[brick * BrickLattice::kValues];
-  const EdgesBySurface edges(value);
+  const EdgesBySurface edges(signs);
   if (!edges.any()) return;
-  for (int axis = 0; axis < 3; ++axis)
+  Flags low;
+  for (int axis = 0; axis < 3; ++axis) {
+    find_low_middles(value, stride[axis], low);
     for (int x = 0; x < kCorners - (axis == 0); ++x)
       for (int y = 0; y < kCorners - (axis == 1); ++y)
         for (unsigned bits = edges.row(axis, x, y); bits; bits &= bits - 1) {
           const IVec3 local(x, y, std::countr_zero(bits));
-          const float* at = value + BrickLattice::corner_index(local);
-          if (!may_dip(at, stride[axis], local[axis] > 0, local[axis] < kCells - 1)) continue;
+          const int corner = BrickLattice::corner_index(local);
+          const float* at = value + corner;
+          const bool at_end = local[axis] == 0 || local[axis] == kCells - 1;
+          if (!(at_end ? may_dip_at_end(at, stride[axis], local[axis] == 0) : low[corner] != 0)) continue;
           const HiddenEdge edge{lattice.coordinate[brick] * kCells + local, axis};
           if (dips(lattice, field, edge, at[0], at[stride[axis]])) out.push_back(edge);
         }
+  }
 }
 
 using CellValues = std::array<float, 8>;
@@ -140,22 +159,30 @@ void for_each_point(const IVec3& size, const Function& function) {
 /// Euler characteristic of the surface in the block, by patches - arcs + crossings; `patches` counts those of a cell
 /// (a tunnel counts 0, its two loops being one annulus).
 int euler(const Block& block, const auto& patches) {
+  const IVec3 points = block.cells + 1;
+  const std::array<int, 3> stride{points.y * points.z, points.z, 1};
+  std::vector<std::uint8_t> inside(block.value.size());
+  for (std::size_t i = 0; i < inside.size(); ++i) inside[i] = block.value[i] > 0.0f;
   int sum = 0;
-  for_each_point(block.cells, [&](const IVec3& cell) {
-    CellValues v;
-    for (int c = 0; c < 8; ++c) v[c] = block.at(cell + IVec3(c & 1, c >> 1 & 1, c >> 2));
-    sum += patches(cell, v);
-  });
-  for_each_point(block.cells + 1, [&](const IVec3& p) {
-    const auto inside = [&](const IVec3& q) { return block.at(q) > 0.0f; };
-    const bool s = inside(p);
+  for_each_point(points, [&](const IVec3& p) {
+    const int at = p.x * stride[0] + p.y * stride[1] + p.z;
+    const std::uint8_t* s = &inside[std::size_t(at)];
+    const std::array<bool, 3> more{p.x < block.cells.x, p.y < block.cells.y, p.z < block.cells.z};
     for (int a = 0; a < 3; ++a) {
-      if (p[a] < block.cells[a]) sum += s != inside(p + unit(a));
-      const IVec3 u = unit((a + 1) % 3), w = unit((a + 2) % 3);
-      if (p[(a + 1) % 3] == block.cells[(a + 1) % 3] || p[(a + 2) % 3] == block.cells[(a + 2) % 3]) continue;
-      const bool su = inside(p + u), sw = inside(p + w), sd = inside(p + u + w);
-      sum -= ((s != su) + (su != sd) + (sd != sw) + (sw != s)) / 2;
+      const int u = stride[(a + 1) % 3], w = stride[(a + 2) % 3];
+      if (more[a]) sum += s[0] ^ s[stride[a]];
+      if (more[(a + 1) % 3] && more[(a + 2) % 3])
+        sum -= ((s[0] ^ s[u]) + (s[u] ^ s[u + w]) + (s[u + w] ^ s[w]) + (s[w] ^ s[0])) / 2;
     }
+    if (!more[0] || !more[1] || !more[2]) return;
+    CellValues v;
+    int count = 0;
+    for (int c = 0; c < 8; ++c) {
+      const int corner = (c & 1 ? stride[0] : 0) + (c & 2 ? stride[1] : 0) + (c >> 2);
+      v[c] = block.value[std::size_t(at + corner)];
+      count += s[corner];
+    }
+    if (count % 8 != 0) sum += patches(p, v);
   });
   return sum;
 }
@@ -177,7 +204,9 @@ public:
     finer.spacing = lattice_.spacing / kFine;
     finer.origin = place(lattice_, DVec3(low_));
     Block fine(kFine * coarse_.cells);
-    for_each_point(fine.cells + 1, [&](const IVec3& p) { fine.at(p) = float(field_.value(finer.point(p))); });
+    std::vector<double> values(fine.value.size());
+    field_.values(finer.origin, finer.spacing, fine.cells + 1, values);
+    std::copy(values.begin(), values.end(), fine.value.begin());
     return euler(fine, [&](const IVec3& cell, const CellValues& v) { return patches(finer, cell, v); });
   }
 
@@ -259,19 +288,22 @@ std::optional<IVec3> end_to_change(const BrickLattice& lattice, const Field& fie
   return found;
 }
 
-void change_sides(BrickLattice& lattice, const IVec3& corner) {
+void change_sides(BrickLattice& lattice, std::vector<BrickSigns>& signs, const IVec3& corner) {
   for (const Index b : bricks_about(lattice, corner)) {
-    float& value = lattice.value[std::size_t(b) * BrickLattice::kValues +
-                                 BrickLattice::corner_index(corner - kCells * lattice.coordinate[b])];
+    float* const values = &lattice.value[std::size_t(b) * BrickLattice::kValues];
+    float& value = values[BrickLattice::corner_index(corner - kCells * lattice.coordinate[b])];
     value = changed(value);
+    signs[b] = BrickSigns(values);
   }
 }
 
 }  // namespace
 
-std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field) {
+std::size_t reveal_hidden_crossings(BrickLattice& lattice, std::vector<BrickSigns>& signs, const Field& field) {
   std::vector<std::vector<HiddenEdge>> found(lattice.brick_count());
-  tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t b) { find_hidden(lattice, field, b, found[b]); });
+  for_each_index(found.size(), [&](std::size_t b) {
+    if (signs[b].mixed()) find_hidden(lattice, signs[b], field, b, found[b]);
+  });
   std::vector<HiddenEdge> edges;
   for (const auto& f : found) edges.insert(edges.end(), f.begin(), f.end());
   std::sort(edges.begin(), edges.end());
@@ -284,7 +316,7 @@ std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field) {
     if (!euler[i]) continue;
     const std::optional<IVec3> end = end_to_change(lattice, field, edges[i], *euler[i]);
     if (!end) continue;
-    change_sides(lattice, *end);
+    change_sides(lattice, signs, *end);
     ++count;
   }
   return count;

@@ -4,13 +4,15 @@
 
 #include "core/field/field.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/sampling/brick_signs.h"
 
 namespace isoskin {
 
 /// Where a neck or a hole thinner than the spacing runs between two corners, one of them changes sides if that gives
 /// the cells about the edge the Euler characteristic that F has there on a lattice four times as fine; its value
 /// becomes the smallest of the other sign. Only corners whose cells are all in the lattice. Before
-/// resolve_ambiguous_faces(). Returns how many corners changed. Parallel, and deterministic.
-std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field);
+/// resolve_ambiguous_faces(). `signs`, of the lattice, one a brick, change with it. Returns how many corners changed.
+/// Parallel, and deterministic.
+std::size_t reveal_hidden_crossings(BrickLattice& lattice, std::vector<BrickSigns>& signs, const Field& field);
 
 }  // namespace isoskin

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
-#include <memory>
+#include <cmath>
 #include <numeric>
 #include <stdexcept>
 #include <string>
 
 #include <tbb/blocked_range.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include "core/sampling/ambiguous_faces.h"
@@ -107,26 +108,14 @@ void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
   t.piece.resize(offsets_from_counts(t.first_patch));
 }
 
-void place_crossings(const BrickLattice& lattice, LatticeTopology& t) {
-  for_bricks(lattice.brick_count(), [&](std::size_t b) {
-    const float* value = &lattice.value[b * kValues];
-    Index at = t.crossings[b].first;
-    for (int word = 0; word < 24; ++word)
-      for (std::uint64_t bits = t.crossings[b].mask[word]; bits; bits &= bits - 1) {
-        const int axis = word / 8, bit = std::countr_zero(bits);
-        const IVec3 low(word % 8, bit / 8, bit % 8);
-        IVec3 high = low;
-        ++high[axis];
-        const double p = value[BrickLattice::corner_index(low)], q = value[BrickLattice::corner_index(high)];
-        DVec3 point(lattice.coordinate[b] * kCells + low);
-        point[axis] += crossing_fraction(p, q);
-        t.crossing_point[at++] = Vec3(lattice.origin + lattice.spacing * point);
-      }
-  });
-}
-
 IVec3 cell_corner(int cell) {
   return {cell / (kCells * kCells), cell / kCells % kCells, cell % kCells};
+}
+
+[[noreturn]] void throw_open(const BrickLattice& lattice, Index brick) {
+  const IVec3 where = lattice.coordinate[brick];
+  throw std::invalid_argument("the surface leaves the lattice at brick (" + std::to_string(where.x) + ", " +
+                              std::to_string(where.y) + ", " + std::to_string(where.z) + ")");
 }
 
 /// Crossing numbers of the edges of one surface cell's loops.
@@ -138,45 +127,28 @@ std::array<Index, 12> cell_crossings(const BrickLattice& lattice, const LatticeT
     const CellEdge e = cell_edge(s.edge[k]);
     const IVec3 corner = cell_corner(t.cell[at]) + IVec3(e.low[0], e.low[1], e.low[2]);
     const Index c = t.crossing(brick, corner, e.axis);
-    if (c == kNone) {
-      const IVec3 where = lattice.coordinate[brick];
-      throw std::invalid_argument("the surface leaves the lattice at brick (" + std::to_string(where.x) + ", " +
-                                  std::to_string(where.y) + ", " + std::to_string(where.z) + ")");
-    }
+    if (c == kNone) throw_open(lattice, brick);
     crossing[s.edge[k]] = c;
   }
   return crossing;
 }
 
-/// Disjoint sets whose representative is always the smallest member, so the outcome does not depend on scheduling.
+/// Disjoint sets; the representative is the smallest member.
 class Sets {
 public:
-  explicit Sets(std::size_t n) : parent_(std::make_unique<std::atomic<Index>[]>(n)) {
-    tbb::parallel_for(std::size_t{0}, n, [&](std::size_t i) { parent_[i].store(static_cast<Index>(i), relaxed); });
-  }
-  Index find(Index a) const {
-    for (;;) {
-      const Index p = parent_[a].load(relaxed);
-      if (p == a) return a;
-      const Index up = parent_[p].load(relaxed);
-      if (up != p) parent_[a].store(up, relaxed);  // halves the path; a stale `up` is still an ancestor
-      a = p;
-    }
+  explicit Sets(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), Index{0}); }
+  Index find(Index a) {
+    while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
+    return a;
   }
   void join(Index a, Index b) {
-    for (;;) {
-      a = find(a);
-      b = find(b);
-      if (a == b) return;
-      if (a < b) std::swap(a, b);
-      Index expected = a;
-      if (parent_[a].compare_exchange_strong(expected, b, relaxed)) return;
-    }
+    a = find(a);
+    b = find(b);
+    parent_[std::max(a, b)] = std::min(a, b);
   }
 
 private:
-  static constexpr auto relaxed = std::memory_order_relaxed;
-  std::unique_ptr<std::atomic<Index>[]> parent_;
+  std::vector<Index> parent_;
 };
 
 CellSurface surface_in_cell(const LatticeTopology& t, Index at, const std::array<Index, 12>& crossing) {
@@ -186,66 +158,236 @@ CellSurface surface_in_cell(const LatticeTopology& t, Index at, const std::array
   return cell_surface(shape(t.shape[at]), t.tunnel[at], point);
 }
 
-/// Adds six times the signed volumes between the triangles of a cell's loops and the point `apex` to volume[loop].
-void add_volumes(const LatticeTopology& t, Index at, const std::array<Index, 12>& crossing, const DVec3& apex,
-                 double* volume) {
-  const CellSurface surface = surface_in_cell(t, at, crossing);
-  for (int k = 0; k < surface.triangles; ++k) {
-    const auto corner = [&](int i) {
-      const int c = surface.triangle[k][i];
-      return (c < 12 ? DVec3(t.crossing_point[crossing[c]]) : surface.extra[c - 12]) - apex;
-    };
-    volume[surface.loop_of_triangle[k]] += glm::dot(corner(0), glm::cross(corner(1), corner(2)));
-  }
-}
+/// What hangs together within one brick; the brick's *parts* of pieces are numbered by their first patch.
+struct BrickParts {
+  struct Part {
+    int euler = 0;        // patches - crossings that start in the brick
+    double volume = 0.0;  // below the triangles, down to the brick's low corner, in lattice cells
+    double shadow = 0.0;  // their signed area seen along z: what the volume grows by when that corner is lower by one
+    Box box;              // of crossings that start in the brick, world units
+  };
+  /// A crossing of another brick that a part has.
+  struct Link {
+    Index part, brick, crossing;
+  };
+  std::vector<Part> part;
+  std::vector<Link> link;
+};
 
-void join_patches(const BrickLattice& lattice, LatticeTopology& t, std::vector<double>& volume_of_patch) {
-  Sets sets(t.crossing_point.size());
-  std::vector<Index> some_crossing(t.piece.size());
-  const DVec3 apex = lattice.brick_count() ? lattice.point(lattice.coordinate.front() * kCells) : DVec3(0.0);
-  for_bricks(lattice.brick_count(), [&](std::size_t b) {
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
-      const std::array<Index, 12> crossing = cell_crossings(lattice, t, static_cast<Index>(b), at);
-      for (int l = 0; l < s.loops; ++l) {
-        const Index first = crossing[s.edge[s.first[l]]];
-        for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) sets.join(first, crossing[s.edge[k]]);
-        some_crossing[t.first_patch[at] + l] = first;
+/// Finds the parts of one brick after another.
+class PartFinder {
+public:
+  /// Fills crossing_point, and, with numbers of parts, crossing_piece and piece of one brick.
+  BrickParts find(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
+    parts_ = {};
+    number_crossings(lattice, t, brick);
+    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) join(t, at);
+    number_parts(lattice, t, brick);
+    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) add_volume(t, at);
+    place(lattice, t, brick);
+    return std::move(parts_);
+  }
+
+private:
+  static constexpr int kEdges = 3 * kValues;  // by axis, then by the corner they start at
+
+  static int edge_slot(int axis, const IVec3& corner) { return axis * kValues + BrickLattice::corner_index(corner); }
+
+  /// Slots of a cell's twelve edges from that of its low corner along x.
+  static const std::array<int, 12>& slots_of_cell() {
+    static const std::array<int, 12> slots = [] {
+      std::array<int, 12> all;
+      for (int e = 0; e < 12; ++e) {
+        const CellEdge edge = cell_edge(e);
+        all[e] = edge_slot(edge.axis, {edge.low[0], edge.low[1], edge.low[2]});
       }
-      if (t.tunnel[at]) sets.join(crossing[s.edge[s.first[0]]], crossing[s.edge[s.first[1]]]);
-      add_volumes(t, at, crossing, apex, &volume_of_patch[t.first_patch[at]]);
-    }
-  });
-  tbb::parallel_for(std::size_t{0}, t.crossing_piece.size(), [&](std::size_t c) {
-    t.crossing_piece[c] = sets.find(static_cast<Index>(c));  // the set, for now
-  });
-  std::vector<Index> piece_of_set(t.crossing_point.size(), kNone);
-  Index pieces = 0;
-  for (std::size_t p = 0; p < t.piece.size(); ++p) {
-    Index& piece = piece_of_set[t.crossing_piece[some_crossing[p]]];
-    if (piece == kNone) piece = pieces++;
-    t.piece[p] = piece;
+      return all;
+    }();
+    return slots;
   }
-  tbb::parallel_for(std::size_t{0}, t.crossing_piece.size(),
-                    [&](std::size_t c) { t.crossing_piece[c] = piece_of_set[t.crossing_piece[c]]; });
-  t.euler.assign(pieces, 0);
-  t.volume.assign(pieces, 0.0);
-  t.box.assign(pieces, Box{});
+
+  /// All crossings of the brick's closed box: its own in their order, then those of its upper neighbours.
+  void number_crossings(const BrickLattice& lattice, const LatticeTopology& t, Index brick) {
+    const float* const value = &lattice.value[std::size_t{brick} * kValues];
+    const BrickSigns& signs = t.signs[brick];
+    point_.clear();
+    slot_.clear();
+    for (const bool own : {true, false}) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const int step = axis == 0 ? kCorners * kCorners : axis == 1 ? kCorners : 1;
+        for (int x = 0; x < kCorners - (axis == 0); ++x)
+          for (int y = 0; y < kCorners - (axis == 1); ++y) {
+            const unsigned r = signs.at(x, y);
+            unsigned bits = axis == 0   ? r ^ signs.at(x + 1, y)
+                            : axis == 1 ? r ^ signs.at(x, y + 1)
+                                        : (r ^ r >> 1) & 0xffu;
+            const bool upper = x == kCells || y == kCells;
+            bits &= own ? (upper ? 0u : 0xffu) : (upper ? 0x1ffu : 0x100u);
+            for (; bits; bits &= bits - 1) {
+              const IVec3 low(x, y, std::countr_zero(bits));
+              const int corner = BrickLattice::corner_index(low);
+              DVec3 point(low);
+              point[axis] += crossing_fraction(value[corner], value[corner + step]);
+              number_[axis * kValues + corner] = static_cast<std::uint16_t>(point_.size());
+              slot_.push_back(static_cast<std::uint16_t>(axis * kValues + corner));
+              point_.push_back(point);
+            }
+          }
+      }
+      if (own) own_ = point_.size();
+    }
+    parent_.resize(point_.size());
+    std::iota(parent_.begin(), parent_.end(), std::uint16_t{0});
+  }
+
+  std::uint16_t root(std::uint16_t a) {
+    while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
+    return a;
+  }
+  void unite(std::uint16_t a, std::uint16_t b) {
+    a = root(a);
+    b = root(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+  /// Numbers of the crossings on the edges of a cell.
+  std::uint16_t crossing(int cell_slot, std::uint8_t edge) const { return number_[cell_slot + slots_of_cell()[edge]]; }
+  static int cell_slot(std::uint16_t cell) { return BrickLattice::corner_index(cell_corner(cell)); }
+
+  void join(const LatticeTopology& t, Index at) {
+    const CellShape& s = shape(t.shape[at]);
+    const int slot = cell_slot(t.cell[at]);
+    for (int l = 0; l < s.loops; ++l) {
+      const std::uint16_t first = crossing(slot, s.edge[s.first[l]]);
+      for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) unite(first, crossing(slot, s.edge[k]));
+    }
+    if (t.tunnel[at]) unite(crossing(slot, s.edge[s.first[0]]), crossing(slot, s.edge[s.first[1]]));
+  }
+
+  void number_parts(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
+    auto& part = parts_.part;
+    part_of_root_.assign(point_.size(), kNone);
+    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) {
+      const CellShape& s = shape(t.shape[at]);
+      for (int l = 0; l < s.loops; ++l) {
+        Index& number = part_of_root_[root(crossing(cell_slot(t.cell[at]), s.edge[s.first[l]]))];
+        if (number == kNone) {
+          number = static_cast<Index>(part.size());
+          part.emplace_back();
+        }
+        t.piece[t.first_patch[at] + l] = number;
+        ++part[number].euler;
+      }
+      if (t.tunnel[at]) part[t.piece[t.first_patch[at]]].euler -= 2;  // an annulus instead of two discs
+    }
+    // Every crossing lies on four patches and has four segments, each shared by two of them: V - E + F = F - V.
+    for (std::size_t i = 0; i < own_; ++i) {
+      const Index number = part_of_root_[root(static_cast<std::uint16_t>(i))];
+      t.crossing_piece[t.crossings[brick].first + i] = number;
+      --part[number].euler;
+    }
+    for (std::size_t i = own_; i < point_.size(); ++i) {
+      const int axis = slot_[i] / kValues, corner = slot_[i] % kValues;
+      const IVec3 low(corner / (kCorners * kCorners), corner / kCorners % kCorners, corner % kCorners);
+      const Index other = t.upper[brick][(low.x == kCells) << 2 | (low.y == kCells) << 1 | (low.z == kCells)];
+      const Index c = t.crossing(brick, low, axis);
+      if (c == kNone) throw_open(lattice, brick);
+      parts_.link.push_back({part_of_root_[root(static_cast<std::uint16_t>(i))], other, c});
+    }
+  }
+
+  void add_volume(const LatticeTopology& t, Index at) {
+    const CellShape& s = shape(t.shape[at]);
+    const int slot = cell_slot(t.cell[at]);
+    if (s.centres > 0 || t.tunnel[at]) {
+      CellCrossings crossings;
+      for (int k = 0; k < s.first[s.loops]; ++k) crossings[s.edge[k]] = point_[crossing(slot, s.edge[k])];
+      const CellSurface surface = cell_surface(s, t.tunnel[at], crossings);
+      for (int k = 0; k < surface.triangles; ++k) {
+        const auto corner = [&](int i) {
+          const int c = surface.triangle[k][i];
+          return c < 12 ? crossings[c] : surface.extra[c - 12];
+        };
+        add_triangle(parts_.part[t.piece[t.first_patch[at] + surface.loop_of_triangle[k]]], corner(0), corner(1),
+                     corner(2));
+      }
+      return;
+    }
+    for (int l = 0; l < s.loops; ++l) {
+      BrickParts::Part& to = parts_.part[t.piece[t.first_patch[at] + l]];
+      for (int k = s.first_triangle[l]; k < s.first_triangle[l + 1]; ++k) {
+        const auto& corner = s.triangle[k];
+        add_triangle(to, point_[crossing(slot, corner[0])], point_[crossing(slot, corner[1])],
+                     point_[crossing(slot, corner[2])]);
+      }
+    }
+  }
+
+  static void add_triangle(BrickParts::Part& to, const DVec3& a, const DVec3& b, const DVec3& c) {
+    const double shadow = 0.5 * ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
+    to.shadow += shadow;
+    to.volume += shadow * (a.z + b.z + c.z) / 3.0;
+  }
+
+  void place(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
+    const DVec3 low(lattice.coordinate[brick] * kCells);
+    for (std::size_t i = 0; i < own_; ++i) {
+      const Index c = t.crossings[brick].first + static_cast<Index>(i);
+      t.crossing_point[c] = Vec3(lattice.origin + lattice.spacing * (low + point_[i]));
+      parts_.part[t.crossing_piece[c]].box.add(DVec3(t.crossing_point[c]));
+    }
+  }
+
+  BrickParts parts_;
+  std::array<std::uint16_t, kEdges> number_;  // of the crossing on an edge, where there is one
+  std::vector<DVec3> point_;                  // per crossing
+  std::vector<std::uint16_t> slot_, parent_;
+  std::vector<Index> part_of_root_;
+  std::size_t own_ = 0;
+};
+
+std::vector<BrickParts> find_parts(const BrickLattice& lattice, LatticeTopology& t) {
+  std::vector<BrickParts> parts(lattice.brick_count());
+  tbb::enumerable_thread_specific<PartFinder> finder;
+  for_bricks(parts.size(), [&](std::size_t b) {
+    if (t.first_cell[b] < t.first_cell[b + 1]) parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
+  });
+  return parts;
 }
 
-void measure_pieces(LatticeTopology& t, const std::vector<double>& volume_of_patch) {
-  // Every crossing lies on four patches and has four segments, each shared by two of them: V - E + F = F - V.
-  for (std::size_t p = 0; p < t.piece.size(); ++p) {
-    ++t.euler[t.piece[p]];
-    t.volume[t.piece[p]] += volume_of_patch[p];
-  }
-  for (std::size_t at = 0; at < t.tunnel.size(); ++at)  // an annulus instead of two discs
-    if (t.tunnel[at]) t.euler[t.piece[t.first_patch[at]]] -= 2;
-  for (std::size_t c = 0; c < t.crossing_piece.size(); ++c) {
-    --t.euler[t.crossing_piece[c]];
-    t.box[t.crossing_piece[c]].add(DVec3(t.crossing_point[c]));
-  }
-  for (double& v : t.volume) v /= 6.0;
+/// Makes pieces of the bricks' parts.
+void join_parts(const BrickLattice& lattice, LatticeTopology& t, const std::vector<BrickParts>& bricks) {
+  std::vector<Index> first(bricks.size() + 1, 0);
+  for (std::size_t b = 0; b < bricks.size(); ++b) first[b + 1] = first[b] + static_cast<Index>(bricks[b].part.size());
+  Sets sets(first.back());
+  for (std::size_t b = 0; b < bricks.size(); ++b)
+    for (const BrickParts::Link& link : bricks[b].link)
+      sets.join(first[b] + link.part, first[link.brick] + t.crossing_piece[link.crossing]);
+  std::vector<Index> piece(first.back());
+  for (std::size_t b = 0; b < bricks.size(); ++b)
+    for (Index k = 0; k < bricks[b].part.size(); ++k) {
+      const Index root = sets.find(first[b] + k);  // no later than the part itself
+      if (root == first[b] + k) {
+        piece[root] = static_cast<Index>(t.euler.size());
+        t.euler.push_back(0);
+        t.volume.push_back(0.0);
+        t.box.emplace_back();
+      }
+      const Index p = piece[first[b] + k] = piece[root];
+      const BrickParts::Part& part = bricks[b].part[k];
+      const int height = kCells * (lattice.coordinate[b].z - lattice.coordinate.front().z);
+      t.euler[p] += part.euler;
+      t.volume[p] += (part.volume + height * part.shadow) * std::pow(lattice.spacing, 3);
+      t.box[p].add(part.box);
+    }
+  for_bricks(bricks.size(), [&](std::size_t b) {
+    const Index patches = t.first_patch[t.first_cell[b]], patches_end = t.first_patch[t.first_cell[b + 1]];
+    for (Index p = patches; p < patches_end; ++p) t.piece[p] = piece[first[b] + t.piece[p]];
+    const Index crossings_end =
+        b + 1 < bricks.size() ? t.crossings[b + 1].first : static_cast<Index>(t.crossing_piece.size());
+    for (Index c = t.crossings[b].first; c < crossings_end; ++c)
+      t.crossing_piece[c] = piece[first[b] + t.crossing_piece[c]];
+  });
 }
 
 /// Triangles of some of the patches, with the piece of every vertex.
@@ -342,10 +484,7 @@ LatticeTopology lattice_topology(const BrickLattice& lattice) {
   LatticeTopology t;
   find_cells_and_crossings(lattice, t);
   fill_cells(lattice, t);
-  place_crossings(lattice, t);
-  std::vector<double> volume_of_patch(t.piece.size());
-  join_patches(lattice, t, volume_of_patch);
-  measure_pieces(t, volume_of_patch);
+  join_parts(lattice, t, find_parts(lattice, t));
   return t;
 }
 

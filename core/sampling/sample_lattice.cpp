@@ -10,7 +10,9 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/parallel.h"
 #include "core/sampling/ambiguous_faces.h"
+#include "core/sampling/brick_signs.h"
 #include "core/sampling/grid_lattice.h"
 #include "core/sampling/hidden_crossings.h"
 
@@ -47,40 +49,19 @@ struct Shared {
   }
 };
 
-/// Does any lattice edge in the shared face or edge of the brick change sign?
-bool crosses(const float* value, const Shared& s) {
-  constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
-  for (int x = s.low.x; x <= s.high.x; ++x)
-    for (int y = s.low.y; y <= s.high.y; ++y)
-      for (int z = s.low.z; z <= s.high.z; ++z) {
-        const int i = BrickLattice::corner_index({x, y, z});
-        const IVec3 at(x, y, z);
-        for (int a = 0; a < 3; ++a)
-          if (at[a] < s.high[a] && (value[i] > 0) != (value[i + stride[a]] > 0)) return true;
-      }
-  return false;
-}
-
-bool mixed(const float* value) {
-  const bool first = value[0] > 0;
-  for (int i = 1; i < kValues; ++i)
-    if ((value[i] > 0) != first) return true;
-  return false;
-}
-
 /// Bricks that must be there because a lattice edge on their boundary changes sign, but are not. Sorted.
-std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<Index>& bricks) {
+std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
+                                      const std::vector<Index>& bricks) {
   std::vector<std::vector<IVec3>> found(bricks.size());
-  tbb::parallel_for(std::size_t{0}, bricks.size(), [&](std::size_t k) {
+  for_each_index(bricks.size(), [&](std::size_t k) {
     const Index b = bricks[k];
-    const float* value = &lattice.value[std::size_t{b} * kValues];
-    if (!mixed(value)) return;
+    if (!signs[b].mixed()) return;
     for (int i = 0; i < 27; ++i) {
       const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
       const int away = std::abs(offset.x) + std::abs(offset.y) + std::abs(offset.z);
-      if (away == 0 || away == 3) continue;  // neighbours at a corner share no edge
+      if (away == 0 || away == 3 || !signs[b].crosses(offset)) continue;  // neighbours at a corner share no edge
       const IVec3 c = lattice.coordinate[b] + offset;
-      if (lattice.find(c) == kNone && crosses(value, Shared(offset))) found[k].push_back(c);
+      if (lattice.find(c) == kNone) found[k].push_back(c);
     }
   });
   std::vector<IVec3> all;
@@ -90,24 +71,23 @@ std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::ve
   return all;
 }
 
-/// A corner shared by several bricks takes the value of the last of them, in case two of them differ in rounding.
+/// A corner shared by several bricks takes the value of the last of them, in case two of them differ in rounding. No
+/// brick's value is read where it is not the last.
 void unify_shared_corners(BrickLattice& lattice) {
-  tbb::parallel_for(std::size_t{0}, lattice.brick_count(), [&](std::size_t b) {
+  for_each_index(lattice.brick_count(), [&](std::size_t b) {
     float* value = &lattice.value[b * kValues];
-    std::array<std::uint8_t, kValues> done{};
-    for (int i = 26; i > 13; --i) {  // later bricks, the last one first
+    for (int i = 14; i < 27; ++i) {  // later bricks, the last one last
       const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
       const Index other = lattice.find(lattice.coordinate[b] + offset);
       if (other == kNone) continue;
       const float* theirs = &lattice.value[std::size_t{other} * kValues];
       const Shared s(offset);
+      const int shift = kCells * BrickLattice::corner_index(offset);
       for (int x = s.low.x; x <= s.high.x; ++x)
         for (int y = s.low.y; y <= s.high.y; ++y)
           for (int z = s.low.z; z <= s.high.z; ++z) {
             const int at = BrickLattice::corner_index({x, y, z});
-            if (done[at]) continue;
-            done[at] = 1;
-            value[at] = theirs[BrickLattice::corner_index(IVec3(x, y, z) - kCells * offset)];
+            value[at] = theirs[at - shift];
           }
     }
   });
@@ -222,6 +202,7 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
 
   std::vector<Index> fresh(lattice.brick_count());
   for (std::size_t b = 0; b < fresh.size(); ++b) fresh[b] = static_cast<Index>(b);
+  std::vector<BrickSigns> signs;
   for (int round = 0;; ++round) {
     if (parts > 0) {
       evaluate_grid(*grid->grid(), parts, lattice, fresh);
@@ -232,15 +213,16 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
     // Rounding may move a crossing just past the last brick, and unifying may move one anywhere near.
     std::vector<Index> all(parts > 0 ? lattice.brick_count() : 0);
     for (std::size_t b = 0; b < all.size(); ++b) all[b] = static_cast<Index>(b);
-    const std::vector<IVec3> more = missing_neighbours(lattice, parts > 0 ? all : fresh);
+    signs = brick_signs(lattice);
+    const std::vector<IVec3> more = missing_neighbours(lattice, signs, parts > 0 ? all : fresh);
     if (more.empty()) break;
     check_count(lattice.brick_count() + more.size(), max_bricks, spacing);
     if (round == kMostRounds) throw InputError("the surface runs out of the field's bounds; expected a closed surface");
     fresh = insert(lattice, more);
   }
-  reveal_hidden_crossings(lattice, field);
-  resolve_ambiguous_faces(lattice, field);
-  resolve_tunnels(lattice, field);
+  reveal_hidden_crossings(lattice, signs, field);
+  resolve_ambiguous_faces(lattice, signs, field);
+  resolve_tunnels(lattice, signs, field);
   return lattice;
 }
 
