@@ -190,6 +190,23 @@ TEST(GridField, ValueGradientHessianMatchOracle) {
   }
 }
 
+TEST(GridField, ValuesOfALatticeAreThoseOfItsPoints) {
+  const DenseGrid grid([](const IVec3& v) { return std::sin(0.7 * v.x) + std::cos(0.5 * v.y) * 0.1 * (v.z - 12); });
+  for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic}) {
+    const GridField field = grid.field(interpolation);
+    const DVec3 from = grid.world({-3.1, 5.3, 19.7});  // from beyond the table into three blocks and out again
+    const IVec3 count(40, 9, 11);
+    const double spacing = 0.23;
+    std::vector<double> values(std::size_t(count.x) * count.y * count.z);
+    field.values(from, spacing, count, values);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const DVec3 p = from + spacing * DVec3(i / 99, i / 11 % 9, i % 11);
+      ASSERT_EQ(values[i], field.value(p)) << i;
+      ASSERT_NEAR(values[i], field.sample(p).value, 1e-12);
+    }
+  }
+}
+
 TEST(GridField, RangeContainsSampledValues) {
   for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic}) {
     for (const DenseGrid* grid : {&noise(), &ball()}) {
