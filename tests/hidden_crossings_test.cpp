@@ -85,6 +85,5 @@ TEST(HiddenCrossings, a_smooth_surface_has_none) {
   const analytic::TorusField torus(1.0, 0.4);
   const auto backend = backend_with(torus);
   BrickLattice lattice = sample_lattice(torus, *backend, 0.07);
-  std::vector<BrickSigns> signs = brick_signs(lattice);
-  EXPECT_EQ(reveal_hidden_crossings(lattice, signs, torus), 0u);
+  EXPECT_EQ(reveal_hidden_crossings(lattice, torus), 0u);
 }

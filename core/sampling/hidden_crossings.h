@@ -14,5 +14,10 @@ namespace isoskin {
 /// resolve_ambiguous_faces(). `signs`, of the lattice, one a brick, change with it. Returns how many corners changed.
 /// Parallel, and deterministic.
 std::size_t reveal_hidden_crossings(BrickLattice& lattice, std::vector<BrickSigns>& signs, const Field& field);
+/// The same where nobody else needs the signs.
+inline std::size_t reveal_hidden_crossings(BrickLattice& lattice, const Field& field) {
+  std::vector<BrickSigns> signs = brick_signs(lattice);
+  return reveal_hidden_crossings(lattice, signs, field);
+}
 
 }  // namespace isoskin
