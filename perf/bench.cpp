@@ -18,7 +18,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <openvdb/openvdb.h>
 #include <tbb/global_control.h>
 
 #include "core/io/ply.h"
@@ -220,10 +219,10 @@ private:
   void peer_frame(Contender& contender, int frame) const {
     char path[4096];
     std::snprintf(path, sizeof path, input_.c_str(), frame);
-    openvdb::FloatGrid::Ptr grid;
-    const double reading = cost_of([&] { grid = perf::read_float_grid(path); }).wall;
+    std::shared_ptr<const perf::PeerGrid> grid;
+    const double reading = cost_of([&] { grid = perf::read_peer_grid(path); }).wall;
     Cost total;
-    contender.mesh = contender.peer.mesh(*grid, 1.5 * grid->voxelSize().x(), [&](const std::function<void()>& work) {
+    contender.mesh = contender.peer.mesh(*grid, [&](const std::function<void()>& work) {
       const Cost cost = cost_of(work);
       total.wall += cost.wall;
       total.core += cost.core;
@@ -349,7 +348,6 @@ int main(int argc, char** argv) {
   }
   if (inputs.empty() || options.threads < 1 || options.frames < 1 || options.repeat < 1) return usage();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(options.threads));
-  openvdb::initialize();
   try {
     run(inputs, options);
   } catch (const InputError& error) {

@@ -1,5 +1,6 @@
 #include "perf/peers.h"
 
+#include <openvdb/openvdb.h>
 #include <openvdb/tools/Count.h>
 #include <openvdb/tools/Dense.h>
 #include <openvdb/tools/VolumeToMesh.h>
@@ -21,11 +22,18 @@
 
 namespace isoskin::perf {
 
+struct PeerGrid {
+  openvdb::FloatGrid::Ptr grid;
+};
+
 namespace {
+
+constexpr double kEdge = 1.5;  // voxels: isoskin's default
 
 using Clocked = std::function<void(const std::function<void()>&)>;
 
-TriangleMesh mesh_by_openvdb(const openvdb::FloatGrid& grid, double, const Clocked& clocked) {
+TriangleMesh mesh_by_openvdb(const PeerGrid& input, const Clocked& clocked) {
+  const openvdb::FloatGrid& grid = *input.grid;
   std::vector<openvdb::Vec3s> points;
   std::vector<openvdb::Vec3I> triangles;
   std::vector<openvdb::Vec4I> quads;
@@ -40,7 +48,8 @@ TriangleMesh mesh_by_openvdb(const openvdb::FloatGrid& grid, double, const Clock
 
 #ifdef ISOSKIN_PEERS
 
-TriangleMesh mesh_by_flying_edges(const openvdb::FloatGrid& grid, double, const Clocked& clocked) {
+TriangleMesh mesh_by_flying_edges(const PeerGrid& input, const Clocked& clocked) {
+  const openvdb::FloatGrid& grid = *input.grid;
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   const openvdb::Coord size = box.dim();
   const openvdb::Vec3d origin = grid.indexToWorld(box.min());
@@ -73,11 +82,11 @@ TriangleMesh mesh_by_flying_edges(const openvdb::FloatGrid& grid, double, const 
   return mesh;
 }
 
-TriangleMesh mesh_by_cgal(const openvdb::FloatGrid& grid, double edge, const Clocked& clocked) {
+TriangleMesh mesh_by_cgal(const PeerGrid& grid, const Clocked& clocked) {
   namespace pmp = CGAL::Polygon_mesh_processing;
   using Point = CGAL::Simple_cartesian<double>::Point_3;
   TriangleMesh extracted;
-  clocked([&] { extracted = mesh_by_openvdb(grid, edge, [](const auto& work) { work(); }); });
+  clocked([&] { extracted = mesh_by_openvdb(grid, [](const auto& work) { work(); }); });
   std::vector<Point> points;
   for (const Vec3& p : extracted.vertices.position) points.emplace_back(p.x, p.y, p.z);
   std::vector<std::vector<std::size_t>> triangles;
@@ -86,8 +95,10 @@ TriangleMesh mesh_by_cgal(const openvdb::FloatGrid& grid, double edge, const Clo
   pmp::orient_polygon_soup(points, triangles);  // parts vertices at which sheets touch: remeshing wants a 2-manifold
   CGAL::Surface_mesh<Point> remeshed;
   pmp::polygon_soup_to_polygon_mesh(points, triangles, remeshed);
-  clocked(
-      [&] { pmp::isotropic_remeshing(faces(remeshed), edge, remeshed, CGAL::parameters::number_of_iterations(3)); });
+  clocked([&] {
+    pmp::isotropic_remeshing(faces(remeshed), kEdge * grid.grid->voxelSize().x(), remeshed,
+                             CGAL::parameters::number_of_iterations(3));
+  });
   remeshed.collect_garbage();
   TriangleMesh mesh;
   for (const auto v : remeshed.vertices()) {
@@ -113,12 +124,14 @@ std::vector<Peer> peers() {
   return all;
 }
 
-openvdb::FloatGrid::Ptr read_float_grid(const std::string& path) {
+std::shared_ptr<const PeerGrid> read_peer_grid(const std::string& path) {
+  openvdb::initialize();
   openvdb::io::File file(path);
   file.open();
   for (auto name = file.beginName(); name != file.endName(); ++name)
-    if (auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid(*name))) return grid;
-  return nullptr;
+    if (auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid(*name)))
+      return std::make_shared<PeerGrid>(PeerGrid{grid});
+  throw InputError(path + ": no grid of floats; expected a level set");
 }
 
 }  // namespace isoskin::perf

@@ -2,30 +2,31 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
-
-#include <openvdb/openvdb.h>
 
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin::perf {
 
-/// A way to a mesh of a grid. Meshes have positions and corners; other columns are blank: shape_statistics() reads.
+/// A grid in memory, as OpenVDB has it.
+struct PeerGrid;
+
+/// The first grid of floats in the file. Throws InputError where there is none.
+std::shared_ptr<const PeerGrid> read_peer_grid(const std::string& path);
+
+/// A way to a mesh of a grid. Meshes have positions and corners; their other columns are blank.
 struct Peer {
   std::string name;
-  /// Meshes the level set 0 of the grid, edges about as long as `edge` where the peer can be told. Runs `clocked` with
-  /// what counts as its work, once; conversions to and from its types are outside.
-  std::function<TriangleMesh(const openvdb::FloatGrid& grid, double edge,
-                             const std::function<void(const std::function<void()>&)>& clocked)>
+  /// Meshes the level set 0 of the grid; edges are 1.5 voxels where the peer can be told. Runs what counts as its work
+  /// through `clocked`; conversions to and from its types are outside.
+  std::function<TriangleMesh(const PeerGrid& grid, const std::function<void(const std::function<void()>&)>& clocked)>
       mesh;
 };
 
 /// OpenVDB's volumeToMesh (adaptivity 0, quads split) and, where the build has them (ISOSKIN_PEERS), VTK's Flying Edges
 /// on the dense box about the surface and volumeToMesh followed by CGAL's isotropic remeshing (3 passes, one thread).
 std::vector<Peer> peers();
-
-/// The first grid of floats in the file, or null.
-openvdb::FloatGrid::Ptr read_float_grid(const std::string& path);
 
 }  // namespace isoskin::perf

@@ -9,6 +9,7 @@
 #include "core/io/sequence.h"
 #include "core/sampling/marching_cubes.h"
 #include "tests/analytic_fields.h"
+#include "tests/sanitized.h"
 #include "tests/solid_field.h"
 
 using namespace isoskin;
@@ -71,7 +72,9 @@ TEST(HiddenCrossings, rods_thinner_than_the_spacing_hold) {
 }
 
 TEST(HiddenCrossings, rough_fluids_have_the_topology_of_a_lattice_four_times_as_fine) {
-  for (const int frame : {36, 45, 48}) {
+  constexpr int kFrames[] = {48, 45, 36};
+  for (int i = 0; i < test::repeats(3, 1); ++i) {
+    const int frame = kFrames[i];
     const auto field =
         load_grid(std::string(ISOSKIN_TEST_DATA) + "/dam_break/dam_break.00" + std::to_string(frame) + ".vdb", {});
     const double h = field->resolution();

@@ -210,14 +210,15 @@ void expect_two_points_as_the_oracle_says(Topology topology, const char* joined,
     }
     const FrameReport report = tracker->advance(moment);
     EXPECT_TRUE(report.certified) << frame;
-    const Box box = moment.field->bounds();
-    const DigitalTopology oracle = digital_topology(*moment.field, box, box.diagonal() / 100.0);
     const DigitalTopology mesh = mesh_topology(tracker->mechanical());
-    const DigitalTopology geometric = mesh_topology(tracker->geometric().mesh);
-    EXPECT_EQ(mesh.components, oracle.components) << frame;
-    EXPECT_EQ(mesh.cavities, oracle.cavities) << frame;
-    EXPECT_EQ(mesh.handles(), oracle.handles()) << frame;
-    EXPECT_EQ(geometric.handles(), oracle.handles()) << frame;
+    if (frame % test::repeats(1, 6) == 0) {
+      const Box box = moment.field->bounds();
+      const DigitalTopology oracle = digital_topology(*moment.field, box, box.diagonal() / 100.0);
+      EXPECT_EQ(mesh.components, oracle.components) << frame;
+      EXPECT_EQ(mesh.cavities, oracle.cavities) << frame;
+      EXPECT_EQ(mesh.handles(), oracle.handles()) << frame;
+      EXPECT_EQ(mesh_topology(tracker->geometric().mesh).handles(), oracle.handles()) << frame;
+    }
     if (components.empty() || components.back() != mesh.components) components.push_back(mesh.components);
     for (const LedgerEntry& entry : tracker->ledger()) {
       events.push_back(entry.kind);
