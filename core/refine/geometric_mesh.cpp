@@ -54,17 +54,15 @@ std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, co
 }
 
 /// Centroids farther than `least` from the surface.
-std::vector<Vec3> stray_centroids(const TriangleMesh& mesh, const Field& field, Backend& backend, double least) {
-  std::vector<Vec3> points(mesh.triangle_count()), gradients(points.size());
-  std::vector<float> values(points.size());
-  for_each_index(points.size(), [&](std::size_t t) {
-    const Index* v = &mesh.vertex[3 * t];
-    points[t] = (mesh.position(v[0]) + mesh.position(v[1]) + mesh.position(v[2])) / 3.0f;
-  });
-  backend.evaluate(points, values, gradients);
+std::vector<Vec3> stray_centroids(const Refiner& refiner, const Field& field, double least) {
+  const TriangleMesh& mesh = refiner.mesh();
   std::vector<Vec3> strays;
-  for (std::size_t t = 0; t < points.size(); ++t)
-    if (distance(field, values[t], glm::length(gradients[t])) > least) strays.push_back(points[t]);
+  for (std::size_t t = 0; t < mesh.triangle_count(); ++t) {
+    const auto [value, slope] = refiner.centroid(t);
+    if (!(distance(field, value, slope) > least)) continue;
+    const Index* v = &mesh.vertex[3 * t];
+    strays.push_back((mesh.position(v[0]) + mesh.position(v[1]) + mesh.position(v[2])) / 3.0f);
+  }
   return strays;
 }
 
@@ -108,19 +106,10 @@ public:
 
   /// All other passes.
   void refine_on() {
-    if (report_.refine.passes == 0) return;
-    RefineOptions options = options_.refine;
-    options.passes -= report_.refine.passes;
-    RefineReport rest;
-    GeometricMesh finer = refine(mesh_.mesh, backend_, options, options_.project, &rest);
-    for_each_index(finer.parent_triangle.size(),
-                   [&](std::size_t t) { finer.parent_triangle[t] = mesh_.parent_triangle[finer.parent_triangle[t]]; });
-    std::copy(mesh_.parent_edge.begin(), mesh_.parent_edge.end(), finer.parent_edge.begin());
-    mesh_ = std::move(finer);
-    report_.refine.passes += rest.passes;
-    report_.refine.triangles = rest.triangles;
-    report_.refine.new_vertices += rest.new_vertices;
-    report_.refine.quasi_critical += rest.quasi_critical;
+    while (refiner_->report().passes < options_.refine.passes && refiner_->pass()) {
+    }
+    report_.refine = refiner_->report();
+    mesh_ = refiner_->finish();
   }
 
   void take_back() {
@@ -135,7 +124,7 @@ public:
 
   GeometricMesh finish(GeometricReport* report) {
     if (report) {
-      report_.still_hidden = hidden_places().size();
+      report_.still_hidden = still_hidden();
       *report = report_;
     }
     return std::move(mesh_);
@@ -149,18 +138,26 @@ private:
 
   /// The first pass. What it does not show more passes would not.
   void start() {
-    RefineOptions options = options_.refine;
-    options.passes = std::min(options.passes, 1);
-    mesh_ = refine(skin(), backend_, options, options_.project, &report_.refine);
+    refiner_.emplace(skin(), backend_, options_.refine, options_.project);
+    if (options_.refine.passes > 0) refiner_->pass();
   }
 
   std::vector<Vec3> hidden_places() const {
     const Span span("look");
     std::vector<Vec3> hidden =
-        wrong_corners(mesh_.mesh, field_, lattice_, topology_, options_.hidden_corner * tolerance_);
-    const std::vector<Vec3> strays = stray_centroids(mesh_.mesh, field_, backend_, options_.hidden_centre * tolerance_);
+        wrong_corners(refiner_->mesh(), field_, lattice_, topology_, options_.hidden_corner * tolerance_);
+    const std::vector<Vec3> strays = stray_centroids(*refiner_, field_, options_.hidden_centre * tolerance_);
     hidden.insert(hidden.end(), strays.begin(), strays.end());
     return hidden;
+  }
+
+  /// Of the finished mesh.
+  std::size_t still_hidden() const {
+    RefineOptions as_it_is = options_.refine;
+    as_it_is.passes = 0;
+    const Refiner done(mesh_.mesh, backend_, as_it_is, options_.project);
+    return wrong_corners(mesh_.mesh, field_, lattice_, topology_, options_.hidden_corner * tolerance_).size() +
+           stray_centroids(done, field_, options_.hidden_centre * tolerance_).size();
   }
 
   /// Fills the places, halved so many times, part after part. Whether no place was left out.
@@ -251,7 +248,8 @@ private:
   const GeometricOptions& options_;
   const double tolerance_;
   std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
-  GeometricMesh mesh_;                // refined from it
+  std::optional<Refiner> refiner_;    // at work on it
+  GeometricMesh mesh_;                // what came of it
   GeometricReport report_;
 };
 

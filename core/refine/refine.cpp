@@ -37,11 +37,12 @@ bool differ(const Vec3& a, const Vec3& b, float cosine) {
   return glm::dot(a, b) < cosine && a != Vec3(0.0f) && b != Vec3(0.0f);
 }
 
+}  // namespace
+
 /// One refinement in progress.
-class Refinement {
+class Refiner::Passes {
 public:
-  Refinement(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
-             const ProjectOptions& project)
+  Passes(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options, const ProjectOptions& project)
       : backend_(backend),
         project_(project),
         cosine_(float(std::cos(double(options.angle) * std::numbers::pi / 180.0))),
@@ -56,7 +57,7 @@ public:
     out_.parent_edge.resize(vertices);
     for_each_index(vertices, [&](std::size_t v) { out_.parent_edge[v] = {Index(v), Index(v)}; });
     centroid_normal_.resize(triangles);
-    centroid_off_.resize(triangles);
+    centroid_.resize(triangles);
     std::vector<Index> all(triangles);
     std::iota(all.begin(), all.end(), Index{0});
     evaluate_centroids(all);
@@ -79,9 +80,10 @@ public:
   }
 
   std::size_t quasi_critical() const { return quasi_critical_; }
+  const TriangleMesh& mesh() const { return out_.mesh; }
+  Centroid centroid(std::size_t triangle) const { return centroid_[triangle]; }
 
 private:
-  const TriangleMesh& mesh() const { return out_.mesh; }
   const Vec3& position(Index v) const { return out_.mesh.vertices.position[v]; }
   bool canonical(Index h) const { return h < mesh().twin[h]; }
 
@@ -95,8 +97,13 @@ private:
     backend_.evaluate(points, values, gradients);
     for_each_index(triangles.size(), [&](std::size_t i) {
       centroid_normal_[triangles[i]] = unit_outward(gradients[i]);
-      centroid_off_[triangles[i]] = std::abs(values[i]) > kCentroid * sagitta_ * glm::length(gradients[i]);
+      centroid_[triangles[i]] = {values[i], glm::length(gradients[i])};
     });
+  }
+
+  bool centroid_off(std::size_t triangle) const {
+    const auto [value, slope] = centroid_[triangle];
+    return std::abs(value) > kCentroid * sagitta_ * slope;
   }
 
   /// Fills middle_ (the new vertex of each halfedge's edge, or kNone) and new_edge_ (one halfedge of each marked edge).
@@ -112,8 +119,8 @@ private:
       const Index a = mesh().from(h), b = mesh().to(h);
       const Vec3 edge = position(b) - position(a);
       const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) ||
-                          sagitta(edge, out_.normal[a], out_.normal[b]) > sagitta_ || centroid_off_[h / 3] ||
-                          centroid_off_[twin / 3] || turns[TriangleMesh::next(h)] || turns[TriangleMesh::prev(h)] ||
+                          sagitta(edge, out_.normal[a], out_.normal[b]) > sagitta_ || centroid_off(h / 3) ||
+                          centroid_off(twin / 3) || turns[TriangleMesh::next(h)] || turns[TriangleMesh::prev(h)] ||
                           turns[TriangleMesh::next(twin)] || turns[TriangleMesh::prev(twin)];
       const float length = glm::length(edge);
       marked[i] = wanted && length >= shortest_ && length > 0.0f;
@@ -250,7 +257,7 @@ private:
     const std::size_t children = first[triangles];
     std::vector<Index> vertex(3 * children), twin(3 * children), parent(children);
     std::vector<Vec3> centroid_normal(children);
-    std::vector<std::uint8_t> centroid_off(children);
+    std::vector<Centroid> centroid(children);
     // The child halfedge on half `half` of a parent's halfedge.
     const auto part = [&](Index h, int half) { return 3 * first[h / 3] + patterns[h / 3]->part[2 * (h % 3) + half]; };
     for_each_index(triangles, [&](std::size_t t) {
@@ -267,7 +274,7 @@ private:
       for (Index child = first[t]; child < first[t + 1]; ++child) {
         parent[child] = out_.parent_triangle[t];
         centroid_normal[child] = centroid_normal_[t];
-        centroid_off[child] = centroid_off_[t];
+        centroid[child] = centroid_[t];
       }
     });
     std::vector<Index> fresh;
@@ -279,7 +286,7 @@ private:
     out_.mesh.twin = std::move(twin);
     out_.parent_triangle = std::move(parent);
     centroid_normal_ = std::move(centroid_normal);
-    centroid_off_ = std::move(centroid_off);
+    centroid_ = std::move(centroid);
     evaluate_centroids(fresh);
   }
 
@@ -308,26 +315,49 @@ private:
   const ProjectOptions project_;
   const float cosine_, shortest_, sagitta_;
   GeometricMesh out_;
-  std::vector<Vec3> centroid_normal_;       // field normal at each triangle's centroid
-  std::vector<std::uint8_t> centroid_off_;  // whether it lies too far beside the surface
-  std::vector<Index> new_edge_;             // this pass: one halfedge of each marked edge, ascending
-  std::vector<Index> middle_;               // this pass: the new vertex on each halfedge's edge, kNone when unmarked
+  std::vector<Vec3> centroid_normal_;  // field normal at each triangle's centroid
+  std::vector<Centroid> centroid_;     // how far it lies beside the surface
+  std::vector<Index> new_edge_;        // this pass: one halfedge of each marked edge, ascending
+  std::vector<Index> middle_;          // this pass: the new vertex on each halfedge's edge, kNone when unmarked
   std::size_t quasi_critical_ = 0;
 };
 
-}  // namespace
+Refiner::Refiner(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
+                 const ProjectOptions& project)
+    : passes_(std::make_unique<Passes>(mechanical, backend, options, project)) {
+  report_.triangles = mechanical.triangle_count();
+}
+Refiner::~Refiner() = default;
+
+bool Refiner::pass() {
+  const std::size_t vertices = mesh().vertex_count();
+  if (!passes_->pass()) return false;
+  ++report_.passes;
+  report_.triangles = mesh().triangle_count();
+  report_.new_vertices += mesh().vertex_count() - vertices;
+  report_.quasi_critical = passes_->quasi_critical();
+  return true;
+}
+
+const TriangleMesh& Refiner::mesh() const {
+  return passes_->mesh();
+}
+
+Refiner::Centroid Refiner::centroid(std::size_t triangle) const {
+  return passes_->centroid(triangle);
+}
+
+GeometricMesh Refiner::finish() {
+  return passes_->finish();
+}
 
 GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                      const ProjectOptions& project, RefineReport* report) {
-  Refinement refinement(mechanical, backend, options, project);
-  int passes = 0;
-  while (passes < options.passes && refinement.pass()) ++passes;
-  GeometricMesh result = refinement.finish();
-  if (report) {
-    *report = {passes, result.mesh.triangle_count(), result.mesh.vertex_count() - mechanical.vertex_count(),
-               refinement.quasi_critical()};
+  Refiner refiner(mechanical, backend, options, project);
+  while (refiner.report().passes < options.passes && refiner.pass()) {
   }
-  return result;
+  if (report) *report = refiner.report();
+  return refiner.finish();
 }
 
 void flatten(GeometricMesh& geometric, const std::vector<Vec3>& bad, float radius) {

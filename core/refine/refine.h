@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "core/backend.h"
@@ -42,6 +43,33 @@ struct GeometricMesh {
 /// stays on its edge.
 GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                      const ProjectOptions& project, RefineReport* report = nullptr);
+
+/// refine() pass by pass, for who looks at the mesh between passes. `backend` must outlive it.
+class Refiner {
+public:
+  Refiner(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
+          const ProjectOptions& project);
+  ~Refiner();
+
+  /// One pass; false when nothing was left to split.
+  bool pass();
+  const RefineReport& report() const { return report_; }
+
+  const TriangleMesh& mesh() const;
+  /// F and |grad F| at a triangle's centroid.
+  struct Centroid {
+    float value, slope;
+  };
+  Centroid centroid(std::size_t triangle) const;
+
+  /// Ends it.
+  GeometricMesh finish();
+
+private:
+  class Passes;
+  std::unique_ptr<Passes> passes_;
+  RefineReport report_;
+};
 
 /// Puts refined vertices within `radius` of a bad point back on the mesh they came from (the middle of their parent
 /// edge), so that the surface there is that mesh's; topology stays. Parents come before children, so one pass does.

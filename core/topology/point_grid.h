@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,8 @@ public:
   PointGrid(const std::vector<Vec3>& points, float radius) : points_(points), radius_(radius), entry_(points.size()) {
     for_each_index(entry_.size(), [&](std::size_t i) { entry_[i] = {key(cell(points[i])), Index(i)}; });
     tbb::parallel_sort(entry_);
+    near_.assign(std::bit_ceil(std::max<std::size_t>(1, points.size())), 0);
+    for (const Vec3& p : points) mark_about(p);
   }
 
   /// Calls function(index, squared distance) for every point no farther than the radius.
@@ -38,6 +41,7 @@ private:
   /// Visits until `visitor` returns true; whether it did. Cells of one column along z lie side by side.
   template <class Visitor>
   bool visit(const Vec3& p, const Visitor& visitor) const {
+    if (!may_be_near(p)) return false;
     const IVec3 c = cell(p);
     for (int n = 0; n < 9; ++n) {
       const IVec3 low = c + IVec3(n / 3 - 1, n % 3 - 1, -1);
@@ -52,6 +56,28 @@ private:
     return false;
   }
 
+  // Most places asked about are far from every point. A set of bits, by a hash of cells twice as wide that points may
+  // reach into, tells so for one look.
+  void mark_about(const Vec3& p) {
+    constexpr double kSlack = 1.001;  // wider than rounding
+    const IVec3 low = wide_cell(DVec3(p) - kSlack * radius_), high = wide_cell(DVec3(p) + kSlack * radius_);
+    for (int x = low.x; x <= high.x; ++x)
+      for (int y = low.y; y <= high.y; ++y)
+        for (int z = low.z; z <= high.z; ++z) {
+          const std::uint64_t bit = hash({x, y, z});
+          near_[bit >> 6 & (near_.size() - 1)] |= std::uint64_t(1) << (bit & 63);
+        }
+  }
+  bool may_be_near(const Vec3& p) const {
+    const std::uint64_t bit = hash(wide_cell(DVec3(p)));
+    return near_[bit >> 6 & (near_.size() - 1)] >> (bit & 63) & 1;
+  }
+  IVec3 wide_cell(const DVec3& p) const { return IVec3(glm::floor(p * (0.5 / double(radius_)))); }
+  static std::uint64_t hash(const IVec3& c) {
+    const std::uint64_t k = key(c) * 0x9E3779B97F4A7C15ull;
+    return k ^ k >> 29;
+  }
+
   IVec3 cell(const Vec3& p) const { return IVec3(glm::floor(p / radius_)); }
   /// Sorts by x, y, z; 2^20 cells each way.
   static std::uint64_t key(const IVec3& c) {
@@ -62,6 +88,7 @@ private:
   const std::vector<Vec3>& points_;
   float radius_;
   std::vector<std::pair<std::uint64_t, Index>> entry_;
+  std::vector<std::uint64_t> near_;  // a power of two of words
 };
 
 }  // namespace isoskin
