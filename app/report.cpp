@@ -30,6 +30,7 @@ Json to_json(const FrameReport& report, const Box& bounds) {
           {"mechanical_triangles", report.mechanical_triangles},
           {"geometric_triangles", report.geometric_triangles},
           {"survived", report.survived},
+          {"inherited", report.inherited},
           {"reextracted", report.reextracted},
           {"events", report.events},
           {"repairs", report.repairs},

@@ -15,6 +15,7 @@
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
 #include "core/topology/droplets.h"
+#include "core/topology/inherit_ids.h"
 #include "core/topology/necks.h"
 #include "core/topology/thin_features.h"
 #include "core/topology/triangle_pairs.h"
@@ -56,6 +57,14 @@ double share_surviving(const std::vector<Index>& before, const std::vector<Index
   std::vector<Index> both;
   std::set_intersection(before.begin(), before.end(), after.begin(), after.end(), std::back_inserter(both));
   return before.empty() ? 1.0 : double(both.size()) / double(before.size());
+}
+
+/// How many are in all three; `some` ascending, perhaps repeating, the others strictly.
+std::size_t count_in_all(const std::vector<Index>& a, const std::vector<Index>& b, std::vector<Index> some) {
+  some.erase(std::unique(some.begin(), some.end()), some.end());
+  return std::size_t(std::count_if(some.begin(), some.end(), [&](Index id) {
+    return std::binary_search(a.begin(), a.end(), id) && std::binary_search(b.begin(), b.end(), id);
+  }));
 }
 
 std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
@@ -222,7 +231,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     Step step(report, "intersect");
     report.self_intersections = count_self_intersections(mesh_);
   }
-  report.survived = share_surviving(before, sorted_ids(mesh_));
+  const std::vector<Index> after = sorted_ids(mesh_);
+  report.survived = share_surviving(before, after);
+  report.inherited = before.empty() ? 0.0 : double(count_in_all(before, after, inherited_)) / double(before.size());
   report.mechanical_triangles = mesh_.triangle_count();
   report.geometric_triangles = geometric_.mesh.triangle_count();
   report.mechanical = shape_statistics(mesh_);
@@ -438,10 +449,14 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
+  const Index first_new = mesh_.next_id;
+  inherited_.clear();
   for (const ReskinTry& how : options_.repairs) {
     if (!started_ || evidence.certificate.passed) break;
     if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
   }
+  std::sort(inherited_.begin(), inherited_.end());
+  if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
   for (const float coarsening : {1.0f, 0.5f, 0.0f}) {
     if (evidence.certificate.passed) break;
@@ -490,12 +505,15 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
+  const VertexTable old = mesh_.vertices;
   const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
                                             evidence.topology, *backend_, reskin_options);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
-  report.reextracted[1] += share_of_area(done.area);
   report.repairs += 1;
   settle_new_skin(first_new);
+  const float reach = float(options_.inherit * options_.edge_length);
+  const std::vector<Index> taken = inherit_ids(mesh_, first_new, old, *backend_, reach);
+  inherited_.insert(inherited_.end(), taken.begin(), taken.end());
   Box box;
   for (const Vec3& p : sites.point) box.add(DVec3(p));
   ledger_.push_back({frame.frame, frame.time, "reskin", 2, box.center(), before - done.first_new_vertex,
@@ -530,6 +548,24 @@ void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float
   if (started_)
     for (LedgerEntry& entry : ledger_of(frame, failed, evidence.pieces, evidence.certificate, evidence.topology, ms))
       ledger_.push_back(std::move(entry));
+}
+
+/// The share of the area with a vertex that local re-skins made, whether it took over an id or has one from `first_new`
+/// on.
+double Tracker::share_renewed(Index first_new) const {
+  const auto renewed = [&](Index v) {
+    const Index id = mesh_.vertices.id[v];
+    return id >= first_new || std::binary_search(inherited_.begin(), inherited_.end(), id);
+  };
+  double area = 0.0;
+  for (Index h = 0; h < mesh_.vertex.size(); h += 3) {
+    const Index a = mesh_.vertex[h], b = mesh_.vertex[h + 1], c = mesh_.vertex[h + 2];
+    if (!renewed(a) && !renewed(b) && !renewed(c)) continue;
+    area +=
+        0.5 *
+        double(glm::length(glm::cross(mesh_.position(b) - mesh_.position(a), mesh_.position(c) - mesh_.position(a))));
+  }
+  return share_of_area(area);
 }
 
 double Tracker::share_of_area(double part) const {

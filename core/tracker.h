@@ -58,8 +58,11 @@ struct TrackOptions {
   ReskinOptions reskin;    // local repair; edge_length and alter are filled in
   // Small holes first, what goes well is kept; then where their seams failed; then about all that looks odd, farther
   // and farther, where the topology differs; at last whatever looks odd is replaced.
-  std::vector<ReskinTry> repairs{{.suspects_only = true, .growths = 0},
+  std::vector<ReskinTry> repairs{{.suspects_only = true, .widened = 0.6, .growths = 0},
+                                 {.suspects_only = true, .growths = 0},
+                                 {.suspects_only = true, .widened = 0.6, .growths = 2},
                                  {.suspects_only = true, .growths = 2},
+                                 {.widened = 0.6},
                                  {},
                                  {.widened = 1.5},
                                  {.widened = 2.5},
@@ -68,6 +71,7 @@ struct TrackOptions {
                                  {.replace_all = true, .widened = 2.5}};
   std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
   int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
+  double inherit = 0.5;           // a vertex of new skin takes over the id of an old one no farther off; units of e
   int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
   RefineOptions refine;           // alpha_r and N_p of the geometric mesh; sagitta and shortest are filled in
 };
@@ -94,8 +98,9 @@ struct FrameReport {
   int frame = 0;
   double time = 0.0;
   std::size_t mechanical_triangles = 0, geometric_triangles = 0;
-  double survived = 1.0;                       // share of the last frame's vertices whose ids are still there
-  std::array<double, 3> reextracted{0, 0, 0};  // share of the area by tier 1, 2, 3
+  double survived = 1.0;   // share of the last frame's vertices whose ids are still there
+  double inherited = 0.0;  // of those, by vertices of new skin where they had come to (inherit_ids.h)
+  std::array<double, 3> reextracted{0, 0, 0};  // share of the area by tier 1, 2, 3; tier 2: with a vertex of new skin
   std::size_t events = 0, repairs = 0;
   bool certified = false;   // at the end of the frame
   std::string certificate;  // one line, of the mesh before repairs
@@ -167,6 +172,7 @@ private:
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
   bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report);
+  double share_renewed(Index first_new) const;
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);
   double share_of_area(double part) const;
@@ -181,7 +187,8 @@ private:
   std::vector<Vec3> normals_;
   GeometricMesh geometric_;
   std::vector<LedgerEntry> ledger_;
-  CriticalState critical_;  // of the last field, where it has second derivatives
+  std::vector<Index> inherited_;  // ids that vertices of new skin have taken over in this frame
+  CriticalState critical_;        // of the last field, where it has second derivatives
 };
 
 }  // namespace isoskin

@@ -10,6 +10,7 @@
 #include "core/field/skeleton_field.h"
 #include "core/io/scene.h"
 #include "core/mesh/validate.h"
+#include "core/topology/inherit_ids.h"
 #include "core/topology/necks.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
@@ -190,6 +191,29 @@ TEST(Reskin, ReplacesASuspectHandle) {
   EXPECT_GT(report.triangles_removed, 0u);
   EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
   EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+}
+
+TEST(Reskin, NewSkinTakesOverTheIdsOfVerticesWhereItLies) {
+  GoodSkin skin;
+  BadSites sites;
+  sites.add(skin.mesh.position(10), true);
+  TriangleMesh mesh = skin.mesh;
+  const Index first_new = mesh.next_id;
+  skin.repair(mesh, sites);
+  const auto before = places(skin.mesh), renewed = places(mesh);
+  ASSERT_FALSE(renewed.count(skin.mesh.vertices.id[10]));
+  const float reach = 0.5f * float(skin.options.edge_length);
+  const std::vector<Index> taken = inherit_ids(mesh, first_new, skin.mesh.vertices, *skin.backend, reach);
+  EXPECT_GT(taken.size(), 0u);
+  EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+  const auto after = places(mesh);
+  EXPECT_EQ(after.size(), renewed.size());
+  for (const Index id : taken) {
+    EXPECT_FALSE(renewed.count(id));
+    EXPECT_LE(glm::distance(after.at(id), before.at(id)), reach);
+  }
+  for (const auto& [id, place] : after) EXPECT_TRUE(id >= first_new || before.count(id)) << id;
+  EXPECT_TRUE(inherit_ids(mesh, mesh.next_id, skin.mesh.vertices, *skin.backend, reach).empty());
 }
 
 TEST(Reskin, FindsWhereAHandleIsOneTriangleAround) {

@@ -29,7 +29,24 @@ struct Scene {
   const LatticeTopology& topology;
   Backend& backend;
   const ReskinOptions& options;
+  const std::vector<std::uint8_t> folded;  // per vertex
 };
+
+/// One byte a vertex: 1 where a triangle about it faces away from where the field's surface does.
+std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, Backend& backend) {
+  const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
+  const VertexCorners corners = vertex_corners(mesh);
+  std::vector<std::uint8_t> folded(mesh.vertex_count());
+  for_each_index(folded.size(), [&](std::size_t v) {
+    const Vec3& p = mesh.position(Index(v));
+    for (Index i = corners.first[v]; i < corners.first[v + 1] && !folded[v]; ++i) {
+      const Index a = mesh.to(corners.corner[i]), b = mesh.from(TriangleMesh::prev(corners.corner[i]));
+      const Vec3 faces = glm::cross(mesh.position(a) - p, mesh.position(b) - p);
+      folded[v] = !(glm::dot(faces, normals[v] + normals[a] + normals[b]) > 0.0f);
+    }
+  });
+  return folded;
+}
 
 std::vector<std::uint8_t> near_points(const std::vector<Vec3>& position, const PointGrid& points) {
   std::vector<std::uint8_t> near(position.size());
@@ -45,6 +62,26 @@ std::vector<std::uint8_t> hot_vertices(const Scene& scene, const PointGrid& poin
              points.any_near(scene.mesh.position(Index(v)));
   });
   return hot;
+}
+
+/// Skin that is folded makes borders that no seam fits: what is hot reaches on to the fold's end.
+void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
+  const TriangleMesh& mesh = scene.mesh;
+  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
+  std::vector<Index> front;
+  for (Index v = 0; v < hot.size(); ++v)
+    if (hot[v]) front.push_back(v);
+  while (!front.empty()) {
+    const Index start = outgoing[front.back()];
+    front.pop_back();
+    Index h = start;
+    do {
+      const Index to = mesh.to(h);
+      if (scene.folded[to] && !hot[to]) front.push_back(to);
+      hot[to] |= scene.folded[to];
+      h = mesh.turn(h);
+    } while (h != start);
+  }
 }
 
 /// The lattice's surface as far as `reach` about the points.
@@ -158,7 +195,11 @@ void grow(const Scene& scene, const Seam& seam, Attempt& result) {
 Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vector<Vec3>& sure, bool last) {
   const float radius = float(scene.options.radius * scene.options.edge_length);
   const PointGrid near_bad(bad, radius), near_sure(sure, radius);
-  Holes holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot_vertices(scene, near_bad)); });
+  Holes holes = traced("cut holes", [&] {
+    std::vector<std::uint8_t> hot = hot_vertices(scene, near_bad);
+    reach_over_folds(scene, hot);
+    return cut_holes(scene.mesh, hot);
+  });
   const float reach = radius + float(scene.options.margin * scene.options.edge_length);
   const Filling filling = traced("filling", [&] { return filling_about(scene, bad, reach); });
   const std::vector<Index> snapped =
@@ -233,7 +274,7 @@ double area_of_new(const TriangleMesh& mesh, Index first_new, std::size_t& trian
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options) {
-  const Scene scene{mesh, pieces, certificate, lattice, topology, backend, options};
+  const Scene scene{mesh, pieces, certificate, lattice, topology, backend, options, folded_vertices(mesh, backend)};
   std::vector<Vec3> bad, sure, left_alone;
   for (std::size_t i = 0; i < sites.point.size(); ++i) {
     (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);

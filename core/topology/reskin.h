@@ -19,7 +19,7 @@ struct ReskinOptions {
   double margin = 2.5;         // how far beyond the emptied region the lattice's surface is built, in units of e
   int growths = 4;             // times a hole whose seam fails is grown before it is given up
   bool suspects_only = false;  // odd sites are left alone until a seam nearer than `spread` fails
-  double spread = 3.0;         // units of e
+  double spread = 1.0;         // units of e
   bool alike_only = false;     // only holes whose filling has the topology of what it fills: that of the mesh stays
   bool replace_all = false;    // all holes are filled anew, also those whose filling has the topology of what it fills
   bool carry = true;           // rest and velocity of new vertices come from the old surface, else they are unset
@@ -37,13 +37,14 @@ struct ReskinReport {
   Index first_new_vertex = 0;      // vertices from here on are new: age 1
 };
 
-/// Empties the neighbourhood of `sites` on the pieces that failed the certificate, cuts the lattice's surface along
-/// paths between the vertices of the borders that remain (each border vertex snapped to the nearest lattice vertex of
-/// the same side, neighbours joined by shortest paths), keeps the part that faces the hole and welds it. Closed pieces
-/// of the lattice's surface that failed and have no mesh any more are added, emptied pieces of mesh are not; pieces
-/// that passed are not touched. The result is a closed, oriented 2-manifold; vertices that stay are not moved and keep
-/// their ids and their order; new ones come last. The filling is dense and is coarsened here; alter() and relax() of
-/// the part about it (core/mesh/mesh_part.h) make it near-equilateral. The backend must hold the field. Deterministic.
+/// Empties the neighbourhood of `sites` on the pieces that failed the certificate, and what is folded beside it, cuts
+/// the lattice's surface along paths between the vertices of the borders that remain (each border vertex snapped to the
+/// nearest lattice vertex of the same side, neighbours joined by shortest paths), keeps the part that faces the hole
+/// and welds it. Closed pieces of the lattice's surface that failed and have no mesh any more are added, emptied pieces
+/// of mesh are not; pieces that passed are not touched. The result is a closed, oriented 2-manifold; vertices that stay
+/// are not moved and keep their ids and their order; new ones come last. The filling is dense and is coarsened here;
+/// alter() and relax() of the part about it (core/mesh/mesh_part.h) make it near-equilateral. The backend must hold the
+/// field. Deterministic.
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options);
