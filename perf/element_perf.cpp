@@ -152,6 +152,17 @@ struct HostSkin {
   }
 };
 
+/// Of stiffness products and of the rest of CG iterations. Written lines are not counted as read first.
+perf::Work work_of(double products, double iterations) {
+  const double triangles = double(million().triangle_count()), vertices = double(million().vertex_count());
+  constexpr double kSlots = 36, kFrame = 32, kCorners = 12, kVector = 12;  // bytes
+  const double product = triangles * (kFrame + kCorners + kSlots) + vertices * kVector;
+  const double gather = triangles * (kSlots + kCorners) + vertices * (4 + 3 * kVector);  // p, normal; q
+  const double advance_and_turn = vertices * (6 + 3) * kVector;                          // x r p q; x r. r p; p
+  return {products * product + iterations * (gather + advance_and_turn),
+          products * triangles * 85 + iterations * vertices * 60};
+}
+
 void BM_stiffness_product(benchmark::State& state) {
   const RelaxOptions options = options_of(million());
   DeviceSkin skin(million());
@@ -161,7 +172,7 @@ void BM_stiffness_product(benchmark::State& state) {
   opencl::Array<int> done(skin.device);
   done.assign(std::vector<int>{0});
   perf::side_by_side(
-      state,
+      state, work_of(1, 0),
       [&] {
         skin.elements.product(skin.mesh, d, done, options);
         skin.device.finish();
@@ -169,14 +180,14 @@ void BM_stiffness_product(benchmark::State& state) {
       [&] { host.product(); });
 }
 
-/// Ten iterations, less what a solve costs without any.
+/// Forces and ten iterations.
 void BM_cg_iterations(benchmark::State& state) {
   RelaxOptions options = options_of(million());
   options.cg_iterations = 10;
   DeviceSkin skin(million());
   HostSkin host(million());
   perf::side_by_side(
-      state,
+      state, work_of(options.cg_iterations + 1, options.cg_iterations),
       [&] {
         skin.elements.forces(skin.mesh, skin.normals, skin.inverted, options);
         skin.cg.solve(skin.mesh, skin.normals, skin.elements, options);
