@@ -57,6 +57,7 @@ unsigned ambiguous_faces(const std::array<float, 8>& v);
 unsigned ambiguous_faces(unsigned signs);
 /// The shape of a cell without such faces, which its signs tell.
 std::uint16_t plain_shape(unsigned signs);
+/// Of all shapes, which follow each other in memory.
 const CellShape& shape(std::uint16_t index);
 
 }  // namespace isoskin

@@ -6,8 +6,7 @@
 namespace isoskin {
 namespace {
 
-constexpr double kNearestToCorner = 0.02;  // of an edge
-constexpr double kRingRadius = 0.2;        // of the distance between the loops' centres
+constexpr double kRingRadius = 0.2;  // of the distance between the loops' centres
 
 DVec3 loop_centre(const CellShape& s, int loop, const CellCrossings& crossing) {
   DVec3 sum(0.0);
@@ -83,10 +82,6 @@ void add_tunnel(CellSurface& out, const CellShape& s, const CellCrossings& cross
 }
 
 }  // namespace
-
-double crossing_fraction(double p, double q) {
-  return std::clamp(p / (p - q), kNearestToCorner, 1.0 - kNearestToCorner);
-}
 
 std::optional<Neck> find_neck(const CellShape& s, const CellCrossings& crossing) {
   if (s.loops != 2) return {};

@@ -1,6 +1,7 @@
 // The surface in one cell as triangles: a disc for each loop, or a tunnel between two of them.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -15,7 +16,10 @@ using CellCrossings = std::array<DVec3, 12>;
 
 /// Fraction of an edge from its end with value p to its end with value q (signs differ) at which the surface crosses:
 /// linear, kept 2% away from both ends so that triangles do not degenerate.
-double crossing_fraction(double p, double q);
+inline double crossing_fraction(double p, double q) {
+  constexpr double kNearestToCorner = 0.02;
+  return std::clamp(p / (p - q), kNearestToCorner, 1.0 - kNearestToCorner);
+}
 
 /// The space between a cell's two loops.
 struct Neck {

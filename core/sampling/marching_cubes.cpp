@@ -191,86 +191,88 @@ public:
 private:
   static constexpr int kEdges = 3 * kValues;  // by axis, then by the corner they start at
 
-  static int edge_slot(int axis, const IVec3& corner) { return axis * kValues + BrickLattice::corner_index(corner); }
-
   /// Slots of a cell's twelve edges from that of its low corner along x.
-  static const std::array<int, 12>& slots_of_cell() {
-    static const std::array<int, 12> slots = [] {
-      std::array<int, 12> all;
-      for (int e = 0; e < 12; ++e) {
-        const CellEdge edge = cell_edge(e);
-        all[e] = edge_slot(edge.axis, {edge.low[0], edge.low[1], edge.low[2]});
-      }
-      return all;
-    }();
-    return slots;
+  static std::array<int, 12> slots_of_cell() {
+    std::array<int, 12> all;
+    for (int e = 0; e < 12; ++e) {
+      const CellEdge edge = cell_edge(e);
+      all[e] = edge.axis * kValues + BrickLattice::corner_index({edge.low[0], edge.low[1], edge.low[2]});
+    }
+    return all;
   }
 
   /// All crossings of the brick's closed box: its own in their order, then those of its upper neighbours.
   void number_crossings(const BrickLattice& lattice, const LatticeTopology& t, Index brick) {
-    const float* const value = &lattice.value[std::size_t{brick} * kValues];
-    const BrickSigns& signs = t.signs[brick];
+    value_ = &lattice.value[std::size_t{brick} * kValues];
     point_.clear();
     slot_.clear();
-    for (const bool own : {true, false}) {
-      for (int axis = 0; axis < 3; ++axis) {
-        const int step = axis == 0 ? kCorners * kCorners : axis == 1 ? kCorners : 1;
-        for (int x = 0; x < kCorners - (axis == 0); ++x)
-          for (int y = 0; y < kCorners - (axis == 1); ++y) {
-            const unsigned r = signs.at(x, y);
-            unsigned bits = axis == 0   ? r ^ signs.at(x + 1, y)
-                            : axis == 1 ? r ^ signs.at(x, y + 1)
-                                        : (r ^ r >> 1) & 0xffu;
-            const bool upper = x == kCells || y == kCells;
-            bits &= own ? (upper ? 0u : 0xffu) : (upper ? 0x1ffu : 0x100u);
-            for (; bits; bits &= bits - 1) {
-              const IVec3 low(x, y, std::countr_zero(bits));
-              const int corner = BrickLattice::corner_index(low);
-              DVec3 point(low);
-              point[axis] += crossing_fraction(value[corner], value[corner + step]);
-              number_[axis * kValues + corner] = static_cast<std::uint16_t>(point_.size());
-              slot_.push_back(static_cast<std::uint16_t>(axis * kValues + corner));
-              point_.push_back(point);
-            }
-          }
+    for (int word = 0; word < 24; ++word)
+      for (std::uint64_t bits = t.crossings[brick].mask[word]; bits; bits &= bits - 1) {
+        const int bit = std::countr_zero(bits);
+        number_crossing(word / 8, {word % 8, bit / 8, bit % 8});
       }
-      if (own) own_ = point_.size();
-    }
+    own_ = point_.size();
+    const BrickSigns& signs = t.signs[brick];
+    for (int x = 0; x < kCorners; ++x)
+      for (int y = 0; y < kCorners; ++y) {
+        const unsigned r = signs.at(x, y), upper = x == kCells || y == kCells ? 0x1ffu : 0x100u;
+        if (x < kCells) number_row(0, x, y, (r ^ signs.at(x + 1, y)) & upper);
+        if (y < kCells) number_row(1, x, y, (r ^ signs.at(x, y + 1)) & upper);
+        if (upper & 1) number_row(2, x, y, (r ^ r >> 1) & 0xff);
+      }
     parent_.resize(point_.size());
     std::iota(parent_.begin(), parent_.end(), std::uint16_t{0});
+  }
+
+  void number_row(int axis, int x, int y, unsigned bits) {
+    for (; bits; bits &= bits - 1) number_crossing(axis, {x, y, std::countr_zero(bits)});
+  }
+
+  void number_crossing(int axis, const IVec3& low) {
+    constexpr std::array<int, 3> step{kCorners * kCorners, kCorners, 1};
+    const int corner = BrickLattice::corner_index(low), slot = axis * kValues + corner;
+    DVec3 point(low);
+    point[axis] += crossing_fraction(value_[corner], value_[corner + step[axis]]);
+    number_[slot] = static_cast<std::uint16_t>(point_.size());
+    slot_.push_back(static_cast<std::uint16_t>(slot));
+    point_.push_back(point);
   }
 
   std::uint16_t root(std::uint16_t a) {
     while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
     return a;
   }
-  void unite(std::uint16_t a, std::uint16_t b) {
-    a = root(a);
+  /// Of the set of `a`, a root, and that of `b`.
+  std::uint16_t unite(std::uint16_t a, std::uint16_t b) {
+    if (parent_[b] == a) return a;
     b = root(b);
     parent_[std::max(a, b)] = std::min(a, b);
+    return std::min(a, b);
   }
 
   /// Numbers of the crossings on the edges of a cell.
-  std::uint16_t crossing(int cell_slot, std::uint8_t edge) const { return number_[cell_slot + slots_of_cell()[edge]]; }
+  std::uint16_t crossing(int cell_slot, std::uint8_t edge) const { return number_[cell_slot + slots_[edge]]; }
   static int cell_slot(std::uint16_t cell) { return BrickLattice::corner_index(cell_corner(cell)); }
 
   void join(const LatticeTopology& t, Index at) {
-    const CellShape& s = shape(t.shape[at]);
+    const CellShape& s = shapes_[t.shape[at]];
     const int slot = cell_slot(t.cell[at]);
     for (int l = 0; l < s.loops; ++l) {
-      const std::uint16_t first = crossing(slot, s.edge[s.first[l]]);
-      for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) unite(first, crossing(slot, s.edge[k]));
+      std::uint16_t set = root(crossing(slot, s.edge[s.first[l]]));
+      for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) set = unite(set, crossing(slot, s.edge[k]));
     }
-    if (t.tunnel[at]) unite(crossing(slot, s.edge[s.first[0]]), crossing(slot, s.edge[s.first[1]]));
+    if (t.tunnel[at]) unite(root(crossing(slot, s.edge[s.first[0]])), crossing(slot, s.edge[s.first[1]]));
   }
 
   void number_parts(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
     auto& part = parts_.part;
+    for (std::uint16_t& parent : parent_) parent = parent_[parent];  // never later than its child: now all are roots
     part_of_root_.assign(point_.size(), kNone);
     for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
+      const CellShape& s = shapes_[t.shape[at]];
+      const int slot = cell_slot(t.cell[at]);
       for (int l = 0; l < s.loops; ++l) {
-        Index& number = part_of_root_[root(crossing(cell_slot(t.cell[at]), s.edge[s.first[l]]))];
+        Index& number = part_of_root_[parent_[crossing(slot, s.edge[s.first[l]])]];
         if (number == kNone) {
           number = static_cast<Index>(part.size());
           part.emplace_back();
@@ -282,7 +284,7 @@ private:
     }
     // Every crossing lies on four patches and has four segments, each shared by two of them: V - E + F = F - V.
     for (std::size_t i = 0; i < own_; ++i) {
-      const Index number = part_of_root_[root(static_cast<std::uint16_t>(i))];
+      const Index number = part_of_root_[parent_[i]];
       t.crossing_piece[t.crossings[brick].first + i] = number;
       --part[number].euler;
     }
@@ -292,12 +294,12 @@ private:
       const Index other = t.upper[brick][(low.x == kCells) << 2 | (low.y == kCells) << 1 | (low.z == kCells)];
       const Index c = t.crossing(brick, low, axis);
       if (c == kNone) throw_open(lattice, brick);
-      parts_.link.push_back({part_of_root_[root(static_cast<std::uint16_t>(i))], other, c});
+      parts_.link.push_back({part_of_root_[parent_[i]], other, c});
     }
   }
 
   void add_volume(const LatticeTopology& t, Index at) {
-    const CellShape& s = shape(t.shape[at]);
+    const CellShape& s = shapes_[t.shape[at]];
     const int slot = cell_slot(t.cell[at]);
     if (s.centres > 0 || t.tunnel[at]) {
       CellCrossings crossings;
@@ -331,14 +333,25 @@ private:
 
   void place(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
     const DVec3 low(lattice.coordinate[brick] * kCells);
-    for (std::size_t i = 0; i < own_; ++i) {
-      const Index c = t.crossings[brick].first + static_cast<Index>(i);
-      t.crossing_point[c] = Vec3(lattice.origin + lattice.spacing * (low + point_[i]));
-      parts_.part[t.crossing_piece[c]].box.add(DVec3(t.crossing_point[c]));
+    const Index first = t.crossings[brick].first;
+    for (std::size_t i = 0; i < own_; ++i)
+      t.crossing_point[first + i] = Vec3(lattice.origin + lattice.spacing * (low + point_[i]));
+    for (std::size_t i = 0, end; i < own_; i = end) {  // in runs of one part
+      const Index number = t.crossing_piece[first + i];
+      Vec3 least = t.crossing_point[first + i], most = least;
+      for (end = i + 1; end < own_ && t.crossing_piece[first + end] == number; ++end) {
+        least = glm::min(least, t.crossing_point[first + end]);
+        most = glm::max(most, t.crossing_point[first + end]);
+      }
+      parts_.part[number].box.add(DVec3(least));
+      parts_.part[number].box.add(DVec3(most));
     }
   }
 
+  const std::array<int, 12> slots_ = slots_of_cell();
+  const CellShape* const shapes_ = &shape(0);  // all of them
   BrickParts parts_;
+  const float* value_ = nullptr;
   std::array<std::uint16_t, kEdges> number_;  // of the crossing on an edge, where there is one
   std::vector<DVec3> point_;                  // per crossing
   std::vector<std::uint16_t> slot_, parent_;
