@@ -61,13 +61,30 @@ bool may_dip_at_end(const float* at, int step, bool has_after) {
                     has_after ? (3.0f * p + 6.0f * q - at[2 * step]) / 8.0f : (6.0f * p + 3.0f * q - at[-step]) / 8.0f);
 }
 
-using Flags = std::array<std::uint8_t, BrickLattice::kValues>;  // one a corner of a brick
+/// One byte a corner of a brick, 0 or 1.
+struct Flags {
+  std::array<std::uint8_t, BrickLattice::kValues> flag;
+  /// Those of a row along z as bits.
+  unsigned row(int x, int y) const {
+    const std::uint8_t* first = &flag[BrickLattice::corner_index({x, y, 0})];
+    std::uint64_t eight = 0;
+    for (int z = 0; z < kCells; ++z) eight |= std::uint64_t(first[z]) << 8 * z;  // one load
+    constexpr std::uint64_t kGather = 0x0102040810204080;                        // byte z's lowest bit to bit 56 + z
+    return unsigned(eight * kGather >> 56) | unsigned(first[kCells]) << kCells;
+  }
+};
+
+/// Edges of a row along z that begin or end the lines of the brick they lie on.
+unsigned ends_of_lines(int axis, int place) {
+  if (axis == 2) return 1u | 1u << (kCells - 1);
+  return place == 0 || place == kCells - 1 ? 0x1ffu : 0u;
+}
 
 /// For every edge value[i] to value[i + step] of a brick; means nothing at the ends of lines.
 ISOSKIN_VECTORIZED void find_low_middles(const float* value, int step, Flags& flags) {
   for (int i = step; i < BrickLattice::kValues - 2 * step; ++i)
-    flags[i] = low_middle(value[i], value[i + step],
-                          (9.0f * (value[i] + value[i + step]) - value[i - step] - value[i + 2 * step]) / 16.0f);
+    flags.flag[i] = low_middle(value[i], value[i + step],
+                               (9.0f * (value[i] + value[i + step]) - value[i - step] - value[i + 2 * step]) / 16.0f);
 }
 
 /// The edges of a brick that begin and end on one side and touch a cell that the surface crosses, as bits of rows along
@@ -120,20 +137,22 @@ void find_hidden(const BrickLattice& lattice, const BrickSigns& signs, const Fie
   const float* value = &lattice.value[brick * BrickLattice::kValues];
   const EdgesBySurface edges(signs);
   if (!edges.any()) return;
-  Flags low;
+  Flags low{};
   for (int axis = 0; axis < 3; ++axis) {
     find_low_middles(value, stride[axis], low);
     for (int x = 0; x < kCorners - (axis == 0); ++x)
-      for (int y = 0; y < kCorners - (axis == 1); ++y)
-        for (unsigned bits = edges.row(axis, x, y); bits; bits &= bits - 1) {
+      for (int y = 0; y < kCorners - (axis == 1); ++y) {
+        unsigned bits = edges.row(axis, x, y);
+        if (bits) bits &= low.row(x, y) | ends_of_lines(axis, axis == 0 ? x : y);
+        for (; bits; bits &= bits - 1) {
           const IVec3 local(x, y, std::countr_zero(bits));
-          const int corner = BrickLattice::corner_index(local);
-          const float* at = value + corner;
+          const float* at = value + BrickLattice::corner_index(local);
           const bool at_end = local[axis] == 0 || local[axis] == kCells - 1;
-          if (!(at_end ? may_dip_at_end(at, stride[axis], local[axis] == 0) : low[corner] != 0)) continue;
+          if (at_end && !may_dip_at_end(at, stride[axis], local[axis] == 0)) continue;
           const HiddenEdge edge{lattice.coordinate[brick] * kCells + local, axis};
           if (dips(lattice, field, edge, at[0], at[stride[axis]])) out.push_back(edge);
         }
+      }
   }
 }
 
