@@ -242,7 +242,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     for (const TriangleMesh* mesh : {&mesh_, &geometric_.mesh})
       if (const ValidateReport valid = validate(*mesh); !valid)
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
-  last_field_ = frame.field;
+  last_field_ = lattice_field_ = frame.field;
+  lattice_ = std::move(evidence.lattice);
   time_ = frame.time;
   started_ = true;
   return report;
@@ -251,8 +252,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
 /// A velocity grid may move material within a surface that stands still.
 void Tracker::wake_up(const FieldFrame& frame) {
   if (!started_) return;
-  const FieldChanges changes = frame.velocity ? FieldChanges{true, {}} : changes_between(*last_field_, *frame.field);
-  wake(mesh_.vertices, ChangeMask(changes, options_.sleep.margin * options_.edge_length));
+  changes_ = changes_between(*last_field_, *frame.field);
+  const FieldChanges moves = frame.velocity ? FieldChanges{true, {}} : changes_;
+  wake(mesh_.vertices, ChangeMask(moves, options_.sleep.margin * options_.edge_length));
 }
 
 /// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
@@ -441,7 +443,10 @@ std::vector<std::uint8_t> Tracker::held_vertices() const {
 Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) {
   Step step(report, "certify");
   Evidence evidence;
-  evidence.lattice = sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
+  const bool goes_on = started_ && lattice_field_ == last_field_;
+  lattice_field_ = nullptr;
+  evidence.lattice = goes_on ? resample_lattice(std::move(lattice_), changes_, *frame.field, *backend_)
+                             : sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
   evidence.topology = lattice_topology(evidence.lattice);
   return evidence;
 }

@@ -180,7 +180,10 @@ private:
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;
   std::shared_ptr<const Field> last_field_;
-  double time_ = 0.0;  // of the last frame
+  FieldChanges changes_;                        // from it to the frame's
+  BrickLattice lattice_;                        // of lattice_field_, kept so that only what changes is sampled
+  std::shared_ptr<const Field> lattice_field_;  // null: lattice_ is of no use
+  double time_ = 0.0;                           // of the last frame
   bool started_ = false;
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_;

@@ -82,12 +82,14 @@ void expect_values(const BrickLattice& lattice, const Field& field, double toler
     }
 }
 
-/// Blobs cut off at three voxels, as level sets are.
-std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed, int blocks = 4) {
+/// Blobs cut off at three voxels, as level sets are; one of them moved aside, and noise added to all values.
+std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed, int blocks = 4,
+                                     const DVec3& moved = DVec3(0.0), double noise = 0.0) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> place(6.0, 8.0 * blocks - 6.0), radius(0.8, 5.0);
   std::vector<std::pair<DVec3, double>> balls;
   for (int i = 0; i < 12; ++i) balls.emplace_back(DVec3(place(random), place(random), place(random)), radius(random));
+  balls.front().first += moved;
   BlockValues values;
   values.low = IVec3(-2, 1, 0);
   values.size = IVec3(blocks);
@@ -100,7 +102,7 @@ std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed,
       const DVec3 p(8 * block + IVec3(i / 64, i / 8 % 8, i % 8));
       double best = -3.0;
       for (const auto& [c, r] : balls) best = std::max(best, r - glm::length(p - c));
-      v[i] = float(std::min(best, 3.0));
+      v[i] = float(std::min(best + noise * std::sin(7.1 * p.x + 12.3 * p.y * p.z), 3.0));
     }
     storage.push_back(std::move(v));
   }
@@ -172,6 +174,69 @@ TEST(BrickLattice, GridsAtAnyOtherSpacingGoThroughTheBackend) {
     expect_values(lattice, *field, 1e-5, 2.9);
     expect_sound(lattice, *field, field->bounds());
   }
+}
+
+void expect_same(const BrickLattice& a, const BrickLattice& b) {
+  EXPECT_EQ(a.origin, b.origin);
+  EXPECT_EQ(a.spacing, b.spacing);
+  ASSERT_TRUE(a.coordinate == b.coordinate);
+  EXPECT_TRUE(a.value == b.value);
+  EXPECT_TRUE(a.tunnel == b.tunnel);
+  EXPECT_TRUE(a.hidden == b.hidden);
+  EXPECT_TRUE(a.revealed == b.revealed);
+  ASSERT_EQ(a.face.size(), b.face.size());
+  for (std::size_t i = 0; i < a.face.size(); ++i)
+    EXPECT_TRUE(a.face[i].key == b.face[i].key && a.face[i].joined == b.face[i].joined);
+}
+
+/// Follows fields through resample_lattice(). Returns the share of bricks that were taken over.
+double expect_resampled(const std::vector<std::shared_ptr<const Field>>& fields, double spacing) {
+  Host host;
+  BrickLattice lattice = host.sample(fields[0], spacing);
+  std::size_t bricks = 0, kept = 0, details = 0;
+  for (std::size_t k = 1; k < fields.size(); ++k) {
+    SCOPED_TRACE(k);
+    const BrickLattice before = lattice;
+    host.backend->set_field(fields[k]);
+    lattice = resample_lattice(std::move(lattice), changes_between(*fields[k - 1], *fields[k]), *fields[k],
+                               *host.backend, 1u << 20);
+    expect_same(lattice, host.sample(fields[k], spacing));
+    details += lattice.face.size() + lattice.revealed.size();
+    for (std::size_t b = 0; b < lattice.same_as.size(); ++b) {
+      const Index from = lattice.same_as[b];
+      if (from == kNone) continue;
+      ++kept;
+      EXPECT_EQ(before.coordinate[from], lattice.coordinate[b]);
+      EXPECT_TRUE(std::equal(&lattice.value[b * BrickLattice::kValues], &lattice.value[b * BrickLattice::kValues] + 729,
+                             &before.value[from * std::size_t(BrickLattice::kValues)]));
+    }
+    bricks += lattice.brick_count();
+  }
+  EXPECT_GT(details, 0u);
+  return double(kept) / double(bricks);
+}
+
+TEST(BrickLattice, WhatHasNotChangedNeedNotBeSampledAgain) {
+  constexpr int kFrames = test::repeats(6, 3);
+  for (const Interpolation interpolation : {Interpolation::linear, Interpolation::cubic})
+    for (const double parts : {1.0, 2.0, 0.8}) {
+      SCOPED_TRACE(parts);
+      std::vector<std::shared_ptr<const Field>> fields;
+      for (int k = 0; k < kFrames; ++k) fields.push_back(make_grid(interpolation, 8, 6, DVec3(0.7 * k, 0, 0), 0.6));
+      const double h = fields[0]->resolution();
+      EXPECT_GT(expect_resampled(fields, h / parts), interpolation == Interpolation::linear ? 0.5 : 0.02);
+    }
+  std::vector<std::shared_ptr<const Field>> fields;
+  for (int k = 0; k < kFrames; ++k) {
+    std::vector<SkeletonElement> balls(40);
+    for (int i = 0; i < 40; ++i) {
+      balls[i].a = balls[i].b = DVec3(0.55 * (i % 10), 0.8 * (i / 10), 0.3 * std::sin(3.0 * i));
+      balls[i].radius = 0.5;
+    }
+    balls[17].a = balls[17].b += DVec3(0.05 * k, 0.1 * k, 0.0);
+    fields.push_back(std::make_shared<SkeletonField>(balls, 0.12));
+  }
+  EXPECT_GT(expect_resampled(fields, 0.12), 0.3);
 }
 
 TEST(BrickLattice, VoxelCentresAreLatticeCorners) {

@@ -99,6 +99,26 @@ private:
   bool inside_ = false;
 };
 
+/// Drops entries of faces and cells that a stale brick has, or that no brick has any more; all where `stale` is empty.
+template <class Entry, class Key>
+void keep_fresh(const BrickLattice& lattice, std::vector<Entry>& entries, const std::vector<std::uint8_t>& stale,
+                const Key& key) {
+  if (stale.empty()) return entries.clear();
+  std::erase_if(entries, [&](const Entry& entry) {
+    const IVec3 corner = BrickLattice::corner_of(key(entry));
+    const int axis = int(key(entry) & 3);
+    IVec3 below = corner;
+    if (axis < 3) --below[axis];
+    bool somewhere = false;
+    for (const IVec3& cell : {corner, below}) {
+      const Index b = lattice.find(cell >> 3);
+      if (b != kNone && stale[b]) return true;
+      somewhere |= b != kNone;
+    }
+    return !somewhere;
+  });
+}
+
 /// The corners of a lattice cell, in parts of an edge.
 IVec3 fine_corner(int c) {
   return FinePoints::kParts * IVec3(c & 1, c >> 1 & 1, c >> 2 & 1);
@@ -177,15 +197,17 @@ bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cel
   return points.joined(fine_corner(corner_behind(s, 0, v, inside)), fine_corner(corner_behind(s, 1, v, inside)));
 }
 
-void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field) {
+void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field,
+                             const std::vector<std::uint8_t>& stale) {
   std::vector<std::vector<BrickLattice::Face>> found(lattice.brick_count());
   for_each_index(found.size(), [&](std::size_t b) {
+    if (!stale.empty() && !stale[b]) return;
     std::vector<CrosswiseFace> faces;
     add_faces(lattice, signs[b], b, faces);
     for (const CrosswiseFace& f : faces)
       found[b].push_back({BrickLattice::face_key(f.corner, f.axis), inside_joined(lattice, field, f)});
   });
-  lattice.face.clear();
+  keep_fresh(lattice, lattice.face, stale, [](const BrickLattice::Face& f) { return f.key; });
   for (const auto& f : found) lattice.face.insert(lattice.face.end(), f.begin(), f.end());
   const auto by_key = [](const BrickLattice::Face& a, const BrickLattice::Face& b) { return a.key < b.key; };
   std::sort(lattice.face.begin(), lattice.face.end(), by_key);
@@ -193,11 +215,12 @@ void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns
   lattice.face.erase(std::unique(lattice.face.begin(), lattice.face.end(), same), lattice.face.end());
 }
 
-void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& of_brick, const Field& field) {
+void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& of_brick, const Field& field,
+                     const std::vector<std::uint8_t>& stale) {
   std::vector<std::vector<std::uint64_t>> found(lattice.brick_count());
   for_each_index(found.size(), [&](std::size_t b) {
     const BrickSigns& signs = of_brick[b];
-    if (!signs.mixed()) return;
+    if ((!stale.empty() && !stale[b]) || !signs.mixed()) return;
     const float* value = &lattice.value[b * BrickLattice::kValues];
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)
@@ -213,7 +236,7 @@ void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& of_br
             found[b].push_back(BrickLattice::face_key(cell, 3));
         }
   });
-  lattice.tunnel.clear();
+  keep_fresh(lattice, lattice.tunnel, stale, [](std::uint64_t key) { return key; });
   for (const auto& f : found) lattice.tunnel.insert(lattice.tunnel.end(), f.begin(), f.end());
   std::sort(lattice.tunnel.begin(), lattice.tunnel.end());
 }

@@ -11,13 +11,16 @@
 
 namespace isoskin {
 
-/// Fills lattice.face: every ambiguous face, resolved by inside_joined(). `signs`: of the lattice, one a brick.
+/// Fills lattice.face: every ambiguous face, resolved by inside_joined(). `signs`: of the lattice, one a brick. `stale`
+/// (one byte a brick, may be empty for all): what lattice.face says of faces that no such brick has is taken as it is.
 /// Parallel.
-void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field);
+void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field,
+                             const std::vector<std::uint8_t>& stale = {});
 
 /// Fills lattice.tunnel: cells of two loops behind which F, on a lattice four times as fine, hangs together inside the
 /// cell (the interior ambiguity of marching cubes). Faces must be resolved. Parallel.
-void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field);
+void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field,
+                     const std::vector<std::uint8_t>& stale = {});
 
 /// A cell face whose corner signs lie crosswise.
 struct CrosswiseFace {

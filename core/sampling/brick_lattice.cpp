@@ -6,6 +6,8 @@
 namespace isoskin {
 namespace {
 
+constexpr int kBits = 20;  // of each coordinate in a key
+
 std::uint64_t hash(const IVec3& c) {
   std::uint64_t k = static_cast<std::uint32_t>(c.x);
   k = k * 0x9E3779B97F4A7C15ull + static_cast<std::uint32_t>(c.y);
@@ -34,11 +36,17 @@ Index BrickLattice::find(const IVec3& brick) const {
 }
 
 std::uint64_t BrickLattice::face_key(const IVec3& corner, int axis) {
-  constexpr int kBits = 20, kOffset = kFarthestCorner;
+  constexpr int kOffset = kFarthestCorner;
   static_assert(2 * kOffset <= 1 << kBits);
   std::uint64_t key = 0;
   for (int a = 0; a < 3; ++a) key = key << kBits | static_cast<std::uint64_t>(corner[a] + kOffset);
   return key << 2 | static_cast<std::uint64_t>(axis);
+}
+
+IVec3 BrickLattice::corner_of(std::uint64_t key) {
+  constexpr std::uint64_t kMask = (1u << kBits) - 1;
+  key >>= 2;
+  return IVec3(int(key >> 2 * kBits & kMask), int(key >> kBits & kMask), int(key & kMask)) - kFarthestCorner;
 }
 
 const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis) const {
@@ -46,6 +54,18 @@ const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis)
   const auto at =
       std::lower_bound(face.begin(), face.end(), key, [](const Face& f, std::uint64_t k) { return f.key < k; });
   return at != face.end() && at->key == key ? &*at : nullptr;
+}
+
+std::vector<std::uint8_t> with_neighbours(const BrickLattice& lattice, const std::vector<std::uint8_t>& bricks) {
+  std::vector<std::uint8_t> all = bricks;
+  for (std::size_t b = 0; b < bricks.size(); ++b) {
+    if (!bricks[b]) continue;
+    for (int i = 0; i < 27; ++i) {
+      const Index other = lattice.find(lattice.coordinate[b] + IVec3(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
+      if (other != kNone) all[other] = 1;
+    }
+  }
+  return all;
 }
 
 bool BrickLattice::has_tunnel(const IVec3& cell) const {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/backend.h"
+#include "core/field/field_changes.h"
 #include "core/types.h"
 
 namespace isoskin {
@@ -33,6 +34,28 @@ struct BrickLattice {
   /// Cells whose two loops of crossings are joined by a tunnel, as face_key(cell, 3). Sorted.
   std::vector<std::uint64_t> tunnel;
 
+  /// What sampling decided about crossings that corner signs hide, so that resample_lattice() need not do it again:
+  /// edges with the Euler characteristic wanted about them, sorted, and corners that changed sides with their values
+  /// before, in the order in which they did.
+  struct HiddenEdge {
+    IVec3 low{0};
+    int axis = 0;
+    int euler = 0;
+    std::uint64_t key() const { return face_key(low, axis); }
+    bool operator==(const HiddenEdge& other) const = default;
+  };
+  struct Revealed {
+    IVec3 corner{0};
+    float value = 0.0f;
+    bool operator==(const Revealed& other) const = default;
+  };
+  std::vector<HiddenEdge> hidden;
+  std::vector<Revealed> revealed;
+  IVec3 first_searched{0}, last_searched{-1};  // bricks that were asked whether the surface may cross them, no grid's
+  bool extended = false;                       // bricks had to be added
+  /// Of resample_lattice(): per brick, the one of the lattice before that is alike in all its cells, else kNone.
+  std::vector<Index> same_as;
+
   /// Where a brick keeps the value of its corner `c` (0..8 on each axis).
   static int corner_index(const IVec3& c) { return (c.x * kCorners + c.y) * kCorners + c.z; }
 
@@ -44,11 +67,14 @@ struct BrickLattice {
   /// Of the face across `axis` (of the cell, for axis 3) with this low corner; corners are within
   /// kFarthestCorner.
   static std::uint64_t face_key(const IVec3& corner, int axis);
+  /// The corner of a key.
+  static IVec3 corner_of(std::uint64_t key);
   /// The face's entry, or null.
   const Face* find_face(const IVec3& corner, int axis) const;
   bool has_tunnel(const IVec3& cell) const;
 
   DVec3 point(const IVec3& corner) const { return origin + spacing * DVec3(corner); }
+  Box box(const IVec3& brick) const { return {point(kCells * brick), point(kCells * (brick + 1))}; }
 
 private:
   std::vector<Index> slot_;  // open addressing over `coordinate`, a power of two of slots
@@ -62,5 +88,13 @@ private:
 /// by F at their saddle. Throws InputError when more than `max_bricks` bricks would be needed (an absurd spacing) or
 /// the surface runs out of the field's bounds.
 BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks = 8u << 20);
+
+/// What sample_lattice(field, backend, before.spacing) returns, bit for bit but for same_as, made from the lattice of
+/// a field from which `field` differs by `changes`: only bricks in and about those are sampled.
+BrickLattice resample_lattice(BrickLattice before, const FieldChanges& changes, const Field& field, Backend& backend,
+                              std::size_t max_bricks = 8u << 20);
+
+/// One byte a brick: those marked in `bricks` and the 26 about each.
+std::vector<std::uint8_t> with_neighbours(const BrickLattice& lattice, const std::vector<std::uint8_t>& bricks);
 
 }  // namespace isoskin

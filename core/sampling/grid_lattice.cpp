@@ -133,12 +133,17 @@ int grid_parts(const BrickGrid& grid, double spacing) {
   return 0;
 }
 
-std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts) {
+std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts, const ChangeMask* only) {
   const int width = BrickLattice::kCells / parts;  // voxels a lattice brick
   const bool cubic = grid.interpolation == Interpolation::cubic;
   const int from = cubic ? 0 : 1, to = width + (cubic ? 2 : 1);  // taps that lattice brick (0,0,0) reads
+  const auto left_out = [&](const IVec3& low, int voxels) {
+    const DVec3 corner = grid.origin + grid.h * DVec3(low);
+    return only && !only->overlaps({corner, corner + grid.h * double(voxels)});
+  };
   std::vector<std::vector<IVec3>> found(grid.brick_coordinate.size());
   for_each_index(found.size(), [&](std::size_t b) {
+    if (left_out(BrickGrid::kBrick * grid.brick_coordinate[b], BrickGrid::kBrick)) return;
     const float* tap = &grid.tap[b * BrickGrid::kTapValues];
     std::array<std::uint16_t, kTaps * kTaps> inside;  // bit z of a row
     for (int row = 0; row < kTaps * kTaps; ++row) inside[row] = signs_of_taps(tap + row * kTaps);
@@ -149,7 +154,8 @@ std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts) {
         for (int y = sub.y * width + from; y <= sub.y * width + to; ++y)
           any |= inside[x * kTaps + y], all &= inside[x * kTaps + y];
       const unsigned taps = ((1u << (to - from + 1)) - 1) << (sub.z * width + from);
-      if ((any & taps) != 0 && (all & taps) != taps) found[b].push_back(grid.brick_coordinate[b] * parts + sub);
+      const IVec3 brick = grid.brick_coordinate[b] * parts + sub;
+      if ((any & taps) != 0 && (all & taps) != taps && !left_out(width * brick, width)) found[b].push_back(brick);
     }
   });
   std::vector<IVec3> all;

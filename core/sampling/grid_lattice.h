@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "core/field/field_changes.h"
 #include "core/field/grid_field.h"
 #include "core/sampling/brick_lattice.h"
 
@@ -12,7 +13,8 @@ namespace isoskin {
 int grid_parts(const BrickGrid& grid, double spacing);
 
 /// Lattice bricks (sorted) in which F may vanish: their taps differ in sign, and F lies in the taps' convex hull.
-std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts);
+/// With `only`, those of them that it overlaps.
+std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts, const ChangeMask* only = nullptr);
 
 /// Fills the values of the given bricks of the lattice. Summed in float64, rounded once; a corner's value does not
 /// depend on which brick asks, as long as the grid's bricks agree on the taps they share.

@@ -24,13 +24,7 @@ constexpr int kFine = 4;        // parts of a lattice edge where F is counted ag
 constexpr double kDip = 0.9;    // a middle expected below this share of the ends' mean is looked at
 constexpr double kTiny = 1e-3;  // of its old magnitude: what a corner that changes sides keeps
 
-struct HiddenEdge {
-  IVec3 low;
-  int axis;
-  bool operator<(const HiddenEdge& other) const { return key() < other.key(); }
-  bool operator==(const HiddenEdge& other) const { return key() == other.key(); }
-  std::uint64_t key() const { return BrickLattice::face_key(low, axis); }
-};
+using HiddenEdge = BrickLattice::HiddenEdge;
 
 IVec3 unit(int axis) {
   IVec3 u(0);
@@ -149,7 +143,7 @@ void find_hidden(const BrickLattice& lattice, const BrickSigns& signs, const Fie
           const float* at = value + BrickLattice::corner_index(local);
           const bool at_end = local[axis] == 0 || local[axis] == kCells - 1;
           if (at_end && !may_dip_at_end(at, stride[axis], local[axis] == 0)) continue;
-          const HiddenEdge edge{lattice.coordinate[brick] * kCells + local, axis};
+          const HiddenEdge edge{lattice.coordinate[brick] * kCells + local, axis, 0};
           if (dips(lattice, field, edge, at[0], at[stride[axis]])) out.push_back(edge);
         }
       }
@@ -307,38 +301,86 @@ std::optional<IVec3> end_to_change(const BrickLattice& lattice, const Field& fie
   return found;
 }
 
-void change_sides(BrickLattice& lattice, std::vector<BrickSigns>& signs, const IVec3& corner) {
-  for (const Index b : bricks_about(lattice, corner)) {
-    float* const values = &lattice.value[std::size_t(b) * BrickLattice::kValues];
-    float& value = values[BrickLattice::corner_index(corner - kCells * lattice.coordinate[b])];
-    value = changed(value);
-    signs[b] = BrickSigns(values);
+float& value_at(BrickLattice& lattice, Index brick, const IVec3& corner) {
+  return lattice.value[std::size_t(brick) * BrickLattice::kValues +
+                       BrickLattice::corner_index(corner - kCells * lattice.coordinate[brick])];
+}
+
+/// Is the edge in one of these bricks, or begins beside one, or in none?
+bool lies_in(const BrickLattice& lattice, const IVec3& low, const std::vector<std::uint8_t>& bricks) {
+  bool somewhere = false;
+  for (int i = 0; i < 8; ++i) {
+    const Index b = lattice.find((low - IVec3(i >> 2, i >> 1 & 1, i & 1)) >> 3);
+    if (b == kNone) continue;
+    somewhere = true;
+    if (bricks[b]) return true;
   }
+  return !somewhere;
+}
+
+bool by_key(const HiddenEdge& a, const HiddenEdge& b) {
+  return a.key() < b.key();
+}
+
+/// Edges that may hide crossings, sorted; those of some bricks where `wanted` is not empty.
+std::vector<HiddenEdge> find_hidden(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
+                                    const Field& field, const std::vector<std::uint8_t>& wanted) {
+  std::vector<std::vector<HiddenEdge>> found(lattice.brick_count());
+  for_each_index(found.size(), [&](std::size_t b) {
+    if ((wanted.empty() || wanted[b]) && signs[b].mixed()) find_hidden(lattice, signs[b], field, b, found[b]);
+  });
+  std::vector<HiddenEdge> edges;
+  for (const auto& f : found) edges.insert(edges.end(), f.begin(), f.end());
+  std::sort(edges.begin(), edges.end(), by_key);
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
+
+/// Fills lattice.hidden, but for what may stay of it.
+void list_hidden(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field,
+                 const std::vector<std::uint8_t>& stale) {
+  const bool all = stale.empty();
+  std::vector<HiddenEdge> edges = find_hidden(lattice, signs, field, all ? stale : with_neighbours(lattice, stale));
+  if (all) {
+    lattice.hidden.clear();
+  } else {
+    std::erase_if(edges, [&](const HiddenEdge& e) { return !lies_in(lattice, e.low, stale); });
+    std::erase_if(lattice.hidden, [&](const HiddenEdge& e) { return lies_in(lattice, e.low, stale); });
+  }
+  std::vector<std::optional<int>> euler(edges.size());
+  tbb::parallel_for(std::size_t(0), edges.size(),
+                    [&](std::size_t i) { euler[i] = untold_euler(lattice, field, edges[i]); });
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    if (euler[i]) lattice.hidden.push_back({edges[i].low, edges[i].axis, *euler[i]});
+  std::sort(lattice.hidden.begin(), lattice.hidden.end(), by_key);
 }
 
 }  // namespace
 
-std::size_t reveal_hidden_crossings(BrickLattice& lattice, std::vector<BrickSigns>& signs, const Field& field) {
-  std::vector<std::vector<HiddenEdge>> found(lattice.brick_count());
-  for_each_index(found.size(), [&](std::size_t b) {
-    if (signs[b].mixed()) find_hidden(lattice, signs[b], field, b, found[b]);
-  });
-  std::vector<HiddenEdge> edges;
-  for (const auto& f : found) edges.insert(edges.end(), f.begin(), f.end());
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  std::vector<std::optional<int>> euler(edges.size());
-  tbb::parallel_for(std::size_t(0), edges.size(),
-                    [&](std::size_t i) { euler[i] = untold_euler(lattice, field, edges[i]); });
+std::size_t reveal_hidden_crossings(BrickLattice& lattice, std::vector<BrickSigns>& signs, const Field& field,
+                                    const std::vector<std::uint8_t>& stale) {
+  list_hidden(lattice, signs, field, stale);
+  lattice.revealed.clear();
   std::size_t count = 0;
-  for (std::size_t i = 0; i < edges.size(); ++i) {  // one after another: each sees what those before have changed
-    if (!euler[i]) continue;
-    const std::optional<IVec3> end = end_to_change(lattice, field, edges[i], *euler[i]);
+  for (const HiddenEdge& edge : lattice.hidden) {  // one after another: each sees what those before have changed
+    const std::optional<IVec3> end = end_to_change(lattice, field, edge, edge.euler);
     if (!end) continue;
-    change_sides(lattice, signs, *end);
+    const std::vector<Index> bricks = bricks_about(lattice, *end);
+    const float value = value_at(lattice, bricks.front(), *end);
+    lattice.revealed.push_back({*end, value});
+    for (const Index b : bricks) {
+      value_at(lattice, b, *end) = changed(value);
+      signs[b] = BrickSigns(&lattice.value[std::size_t(b) * BrickLattice::kValues]);
+    }
     ++count;
   }
   return count;
+}
+
+void hide_crossings(BrickLattice& lattice) {
+  for (auto r = lattice.revealed.rbegin(); r != lattice.revealed.rend(); ++r)  // a corner may have changed twice
+    for (const Index b : bricks_about(lattice, r->corner)) value_at(lattice, b, r->corner) = r->value;
+  lattice.revealed.clear();
 }
 
 }  // namespace isoskin

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <numeric>
 #include <string>
 
 #include <tbb/blocked_range.h>
@@ -15,6 +16,7 @@
 #include "core/sampling/brick_signs.h"
 #include "core/sampling/grid_lattice.h"
 #include "core/sampling/hidden_crossings.h"
+#include "core/sampling/sampling_steps.h"
 
 namespace isoskin {
 namespace {
@@ -25,18 +27,6 @@ constexpr int kValues = BrickLattice::kValues;
 constexpr int kLargestCoordinate = BrickLattice::kFarthestCorner / kCells - 1;  // bricks from the origin
 constexpr std::size_t kBatch = 4096;                                            // bricks a call of Backend::evaluate
 constexpr int kMostRounds = 16;  // of added bricks, before the surface is said to be open
-
-bool before(const IVec3& a, const IVec3& b) {
-  if (a.x != b.x) return a.x < b.x;
-  if (a.y != b.y) return a.y < b.y;
-  return a.z < b.z;
-}
-
-void check_count(std::size_t bricks, std::size_t most, double spacing) {
-  if (bricks > most)
-    throw InputError("lattice spacing " + std::to_string(spacing) + " needs more than " + std::to_string(most) +
-                     " bricks of 8^3 cells; expected a coarser one");
-}
 
 /// Corner numbers of brick `b` that it shares with its neighbour at `offset`: low..high on each axis.
 struct Shared {
@@ -49,52 +39,8 @@ struct Shared {
   }
 };
 
-/// Bricks that must be there because a lattice edge on their boundary changes sign, but are not. Sorted.
-std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
-                                      const std::vector<Index>& bricks) {
-  std::vector<std::vector<IVec3>> found(bricks.size());
-  for_each_index(bricks.size(), [&](std::size_t k) {
-    const Index b = bricks[k];
-    if (!signs[b].mixed()) return;
-    for (int i = 0; i < 27; ++i) {
-      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
-      const int away = std::abs(offset.x) + std::abs(offset.y) + std::abs(offset.z);
-      if (away == 0 || away == 3 || !signs[b].crosses(offset)) continue;  // neighbours at a corner share no edge
-      const IVec3 c = lattice.coordinate[b] + offset;
-      if (lattice.find(c) == kNone) found[k].push_back(c);
-    }
-  });
-  std::vector<IVec3> all;
-  for (const auto& f : found) all.insert(all.end(), f.begin(), f.end());
-  std::sort(all.begin(), all.end(), before);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
-}
-
-/// A corner shared by several bricks takes the value of the last of them, in case two of them differ in rounding. No
-/// brick's value is read where it is not the last.
-void unify_shared_corners(BrickLattice& lattice) {
-  for_each_index(lattice.brick_count(), [&](std::size_t b) {
-    float* value = &lattice.value[b * kValues];
-    for (int i = 14; i < 27; ++i) {  // later bricks, the last one last
-      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
-      const Index other = lattice.find(lattice.coordinate[b] + offset);
-      if (other == kNone) continue;
-      const float* theirs = &lattice.value[std::size_t{other} * kValues];
-      const Shared s(offset);
-      const int shift = kCells * BrickLattice::corner_index(offset);
-      for (int x = s.low.x; x <= s.high.x; ++x)
-        for (int y = s.low.y; y <= s.high.y; ++y)
-          for (int z = s.low.z; z <= s.high.z; ++z) {
-            const int at = BrickLattice::corner_index({x, y, z});
-            value[at] = theirs[at - shift];
-          }
-    }
-  });
-}
-
 /// Evaluates all corners of the given bricks through the backend.
-void evaluate(BrickLattice& lattice, const std::vector<Index>& bricks, Backend& backend) {
+void evaluate_by(BrickLattice& lattice, const std::vector<Index>& bricks, Backend& backend) {
   std::vector<Vec3> points;
   std::vector<float> values;
   for (std::size_t begin = 0; begin < bricks.size(); begin += kBatch) {
@@ -124,7 +70,8 @@ std::vector<Index> insert(BrickLattice& lattice, const std::vector<IVec3>& more)
   grown.value.resize(count * kValues);
   std::vector<Index> added;
   for (std::size_t i = 0, j = 0; i + j < count;) {
-    const bool old = j == more.size() || (i < lattice.brick_count() && before(lattice.coordinate[i], more[j]));
+    const bool old =
+        j == more.size() || (i < lattice.brick_count() && sampling::before(lattice.coordinate[i], more[j]));
     if (old) {
       std::copy_n(&lattice.value[i * kValues], kValues, &grown.value[(i + j) * kValues]);
       grown.coordinate.push_back(lattice.coordinate[i++]);
@@ -138,8 +85,84 @@ std::vector<Index> insert(BrickLattice& lattice, const std::vector<IVec3>& more)
   return added;
 }
 
-/// Cubes of bricks whose box the surface may cross, halved level by level.
-std::vector<IVec3> subdivide(const Field& field, const DVec3& origin, double spacing, std::size_t max_bricks) {
+/// n when the lattice's cells are an n-th of the voxels of `field`, else 0.
+int parts_of(const Field& field, double spacing) {
+  const auto* grid = dynamic_cast<const GridField*>(&field);
+  return grid ? grid_parts(*grid->grid(), spacing) : 0;
+}
+
+std::vector<Index> all_bricks(const BrickLattice& lattice) {
+  std::vector<Index> all(lattice.brick_count());
+  std::iota(all.begin(), all.end(), Index{0});
+  return all;
+}
+
+}  // namespace
+
+namespace sampling {
+
+bool before(const IVec3& a, const IVec3& b) {
+  if (a.x != b.x) return a.x < b.x;
+  if (a.y != b.y) return a.y < b.y;
+  return a.z < b.z;
+}
+
+void check_count(std::size_t bricks, std::size_t most, double spacing) {
+  if (bricks > most)
+    throw InputError("lattice spacing " + std::to_string(spacing) + " needs more than " + std::to_string(most) +
+                     " bricks of 8^3 cells; expected a coarser one");
+}
+
+std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
+                                      const std::vector<Index>& bricks) {
+  std::vector<std::vector<IVec3>> found(bricks.size());
+  for_each_index(bricks.size(), [&](std::size_t k) {
+    const Index b = bricks[k];
+    if (!signs[b].mixed()) return;
+    for (int i = 0; i < 27; ++i) {
+      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+      const int away = std::abs(offset.x) + std::abs(offset.y) + std::abs(offset.z);
+      if (away == 0 || away == 3 || !signs[b].crosses(offset)) continue;  // neighbours at a corner share no edge
+      const IVec3 c = lattice.coordinate[b] + offset;
+      if (lattice.find(c) == kNone) found[k].push_back(c);
+    }
+  });
+  std::vector<IVec3> all;
+  for (const auto& f : found) all.insert(all.end(), f.begin(), f.end());
+  std::sort(all.begin(), all.end(), before);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks) {
+  for_each_index(bricks.size(), [&](std::size_t k) {
+    const std::size_t b = bricks[k];
+    float* value = &lattice.value[b * kValues];
+    for (int i = 14; i < 27; ++i) {  // later bricks, the last one last
+      const IVec3 offset(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+      const Index other = lattice.find(lattice.coordinate[b] + offset);
+      if (other == kNone) continue;
+      const float* theirs = &lattice.value[std::size_t{other} * kValues];
+      const Shared s(offset);
+      const int shift = kCells * BrickLattice::corner_index(offset);
+      for (int x = s.low.x; x <= s.high.x; ++x)
+        for (int y = s.low.y; y <= s.high.y; ++y)
+          for (int z = s.low.z; z <= s.high.z; ++z) {
+            const int at = BrickLattice::corner_index({x, y, z});
+            value[at] = theirs[at - shift];
+          }
+    }
+  });
+}
+
+void evaluate(BrickLattice& lattice, const std::vector<Index>& bricks, const Field& field, Backend& backend) {
+  if (const int parts = parts_of(field, lattice.spacing))
+    evaluate_grid(*dynamic_cast<const GridField&>(field).grid(), parts, lattice, bricks);
+  else
+    evaluate_by(lattice, bricks, backend);
+}
+
+BrickRange bricks_in_bounds(const Field& field, const DVec3& origin, double spacing) {
   const Box bounds = field.bounds();
   if (bounds.empty()) return {};
   const double brick = spacing * kCells;
@@ -150,25 +173,38 @@ std::vector<IVec3> subdivide(const Field& field, const DVec3& origin, double spa
       throw InputError("lattice spacing " + std::to_string(spacing) +
                        " is too fine for the field's bounds; expected at least " +
                        std::to_string(glm::length(bounds.size()) / kLargestCoordinate));
-  const IVec3 first(low), count = IVec3(high) - first + 1;
+  return {IVec3(low), IVec3(high)};
+}
+
+Box box_of_samples(const BrickLattice& lattice, const BrickRange& range, const IVec3& brick, int bricks) {
+  constexpr double kRounding = 1e-6;
+  const double farthest =
+      std::max(glm::length(lattice.point(kCells * range.first)), glm::length(lattice.point(kCells * (range.last + 1))));
+  return Box{lattice.point(kCells * brick), lattice.point(kCells * (brick + bricks))}.grown(kRounding * farthest);
+}
+
+/// Cubes of bricks are halved level by level.
+std::vector<IVec3> subdivide(const Field& field, const BrickLattice& lattice, const BrickRange& range,
+                             std::size_t max_bricks, const ChangeMask* only) {
+  const IVec3 first = range.first, count = range.last - first + 1;
+  if (glm::any(glm::lessThan(count, IVec3(1)))) return {};
   int size = static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max({count.x, count.y, count.z}))));
-  // corners are rounded to float32 before they are evaluated
-  const double rounding = 1e-6 * std::max(glm::length(bounds.low), glm::length(bounds.high));
   std::vector<IVec3> cubes{first};
   for (;; size /= 2) {
     std::vector<std::uint8_t> keep(cubes.size());
     tbb::parallel_for(std::size_t{0}, cubes.size(), [&](std::size_t i) {
       const IVec3 from = cubes[i] - first;
       if (from.x >= count.x || from.y >= count.y || from.z >= count.z) return;
-      const Box box{origin + brick * DVec3(cubes[i]), origin + brick * DVec3(cubes[i] + size)};
-      const Interval range = field.range(box.grown(rounding));
-      keep[i] = range.low <= 0.0 && range.high >= 0.0;
+      const Box box = box_of_samples(lattice, range, cubes[i], size);
+      if (only && !only->overlaps(box)) return;
+      const Interval values = field.range(box);
+      keep[i] = values.low <= 0.0 && values.high >= 0.0;
     });
     std::size_t kept = 0;
     for (std::size_t i = 0; i < cubes.size(); ++i)
       if (keep[i]) cubes[kept++] = cubes[i];
     cubes.resize(kept);
-    check_count(kept, max_bricks, spacing);
+    check_count(kept, max_bricks, lattice.spacing);
     if (size == 1) break;
     std::vector<IVec3> children;
     children.reserve(kept * 8);
@@ -180,18 +216,25 @@ std::vector<IVec3> subdivide(const Field& field, const DVec3& origin, double spa
   return cubes;
 }
 
-}  // namespace
+}  // namespace sampling
 
 BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks) {
+  using namespace sampling;
   if (!(spacing > 0.0) || !std::isfinite(spacing))
     throw InputError("lattice spacing " + std::to_string(spacing) + "; expected a positive length");
   const auto* grid = dynamic_cast<const GridField*>(&field);
-  const int parts = grid ? grid_parts(*grid->grid(), spacing) : 0;
+  const int parts = parts_of(field, spacing);
   BrickLattice lattice;
   lattice.spacing = parts > 0 ? grid->grid()->h / parts : spacing;
   lattice.origin = grid ? grid->grid()->origin : DVec3(0.0);
-  lattice.coordinate =
-      parts > 0 ? grid_candidates(*grid->grid(), parts) : subdivide(field, lattice.origin, lattice.spacing, max_bricks);
+  if (parts > 0) {
+    lattice.coordinate = grid_candidates(*grid->grid(), parts);
+  } else {
+    const BrickRange range = bricks_in_bounds(field, lattice.origin, lattice.spacing);
+    lattice.first_searched = range.first;
+    lattice.last_searched = range.last;
+    lattice.coordinate = subdivide(field, lattice, range, max_bricks);
+  }
   check_count(lattice.brick_count(), max_bricks, spacing);
   for (const IVec3& c : lattice.coordinate)
     if (glm::any(glm::greaterThan(glm::abs(c), IVec3(kLargestCoordinate))))
@@ -200,25 +243,19 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
   lattice.value.resize(lattice.brick_count() * kValues);
   lattice.build_index();
 
-  std::vector<Index> fresh(lattice.brick_count());
-  for (std::size_t b = 0; b < fresh.size(); ++b) fresh[b] = static_cast<Index>(b);
+  std::vector<Index> fresh = all_bricks(lattice);
   std::vector<BrickSigns> signs;
   for (int round = 0;; ++round) {
-    if (parts > 0) {
-      evaluate_grid(*grid->grid(), parts, lattice, fresh);
-      unify_shared_corners(lattice);
-    } else {
-      evaluate(lattice, fresh, backend);
-    }
+    evaluate(lattice, fresh, field, backend);
+    if (parts > 0) unify_shared_corners(lattice, all_bricks(lattice));
     // Rounding may move a crossing just past the last brick, and unifying may move one anywhere near.
-    std::vector<Index> all(parts > 0 ? lattice.brick_count() : 0);
-    for (std::size_t b = 0; b < all.size(); ++b) all[b] = static_cast<Index>(b);
     signs = brick_signs(lattice);
-    const std::vector<IVec3> more = missing_neighbours(lattice, signs, parts > 0 ? all : fresh);
+    const std::vector<IVec3> more = missing_neighbours(lattice, signs, parts > 0 ? all_bricks(lattice) : fresh);
     if (more.empty()) break;
     check_count(lattice.brick_count() + more.size(), max_bricks, spacing);
     if (round == kMostRounds) throw InputError("the surface runs out of the field's bounds; expected a closed surface");
     fresh = insert(lattice, more);
+    lattice.extended = true;
   }
   reveal_hidden_crossings(lattice, signs, field);
   resolve_ambiguous_faces(lattice, signs, field);
