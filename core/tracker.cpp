@@ -14,6 +14,7 @@
 #include "core/parallel.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
+#include "core/topology/crumples.h"
 #include "core/topology/droplets.h"
 #include "core/topology/inherit_ids.h"
 #include "core/topology/necks.h"
@@ -118,6 +119,16 @@ void add_necks(const TriangleMesh& mesh, const std::vector<std::uint8_t>& failed
   const std::vector<std::uint8_t> neck = neck_vertices(mesh);
   for (Index v = 0; v < neck.size(); ++v)
     if (neck[v] && failed[v]) sites.add(mesh.position(v), false, true);
+}
+
+/// Skin crumpled up in many layers lies on the surface everywhere, so nothing else tells; left alone it grows, and no
+/// seam fits about it.
+void add_crumples(const TriangleMesh& mesh, BadSites& sites) {
+  for (const Index t : crumpled_triangles(mesh)) {
+    Vec3 sum(0.0f);
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) sum += mesh.position(mesh.vertex[h]);
+    sites.add(sum / 3.0f, true);
+  }
 }
 
 /// While new skin settles, the field stands still, and nothing has to wait for the next frame.
@@ -500,6 +511,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
                                   *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   add_necks(mesh_, failed_vertices(evidence.pieces, evidence.certificate), sites);
+  add_crumples(mesh_, sites);
   if (sites.point.empty()) return false;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;

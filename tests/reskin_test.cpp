@@ -4,12 +4,14 @@
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <set>
 
 #include <gtest/gtest.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/io/scene.h"
 #include "core/mesh/validate.h"
+#include "core/topology/crumples.h"
 #include "core/topology/inherit_ids.h"
 #include "core/topology/necks.h"
 #include "core/tracker.h"
@@ -214,6 +216,23 @@ TEST(Reskin, NewSkinTakesOverTheIdsOfVerticesWhereItLies) {
   }
   for (const auto& [id, place] : after) EXPECT_TRUE(id >= first_new || before.count(id)) << id;
   EXPECT_TRUE(inherit_ids(mesh, mesh.next_id, skin.mesh.vertices, *skin.backend, reach).empty());
+}
+
+TEST(Reskin, FindsSkinThatLiesOnItselfInManyLayers) {
+  GoodSkin skin;
+  EXPECT_TRUE(crumpled_triangles(skin.mesh).empty());
+  TriangleMesh mesh = skin.mesh;
+  const std::set<Index> patch = damage::disc(mesh, 10, 3);
+  const std::vector<Index> vertices(patch.begin(), patch.end());
+  for (std::size_t i = 0; i < vertices.size(); ++i)  // on the surface still, but every which way
+    mesh.vertices.position[vertices[i]] = skin.mesh.position(vertices[i * 7 % vertices.size()]);
+  const std::vector<Index> crumpled = crumpled_triangles(mesh);
+  EXPECT_GT(crumpled.size(), 20u);
+  for (const Index t : crumpled) {
+    int inside = 0;
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) inside += int(patch.count(mesh.vertex[h]));
+    EXPECT_GT(inside, 0) << t;
+  }
 }
 
 TEST(Reskin, FindsWhereAHandleIsOneTriangleAround) {
