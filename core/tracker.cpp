@@ -255,6 +255,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
   last_field_ = lattice_field_ = frame.field;
   lattice_ = std::move(evidence.lattice);
+  lattice_topology_ = std::move(evidence.topology);
   time_ = frame.time;
   started_ = true;
   return report;
@@ -458,7 +459,7 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   lattice_field_ = nullptr;
   evidence.lattice = goes_on ? resample_lattice(std::move(lattice_), changes_, *frame.field, *backend_)
                              : sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
-  evidence.topology = lattice_topology(evidence.lattice);
+  evidence.topology = lattice_topology(evidence.lattice, std::move(lattice_topology_));
   return evidence;
 }
 

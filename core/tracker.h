@@ -181,6 +181,7 @@ private:
   TrackOptions options_;
   std::shared_ptr<const Field> last_field_;
   FieldChanges changes_;                        // from it to the frame's
+  LatticeTopology lattice_topology_;            // of lattice_
   BrickLattice lattice_;                        // of lattice_field_, kept so that only what changes is sampled
   std::shared_ptr<const Field> lattice_field_;  // null: lattice_ is of no use
   double time_ = 0.0;                           // of the last frame

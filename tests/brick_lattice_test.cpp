@@ -11,6 +11,7 @@
 #include "core/field/brick_builder.h"
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
+#include "core/sampling/marching_cubes.h"
 #include "sanitized.h"
 
 using namespace isoskin;
@@ -189,10 +190,25 @@ void expect_same(const BrickLattice& a, const BrickLattice& b) {
     EXPECT_TRUE(a.face[i].key == b.face[i].key && a.face[i].joined == b.face[i].joined);
 }
 
-/// Follows fields through resample_lattice(). Returns the share of bricks that were taken over.
+void expect_same(const LatticeTopology& a, const LatticeTopology& b) {
+  EXPECT_TRUE(a.first_cell == b.first_cell);
+  EXPECT_TRUE(a.cell == b.cell);
+  EXPECT_TRUE(a.shape == b.shape);
+  EXPECT_TRUE(a.tunnel == b.tunnel);
+  EXPECT_TRUE(a.first_patch == b.first_patch);
+  EXPECT_TRUE(a.piece == b.piece);
+  EXPECT_TRUE(a.crossing_point == b.crossing_point);
+  EXPECT_TRUE(a.crossing_piece == b.crossing_piece);
+  EXPECT_TRUE(a.upper == b.upper);
+  EXPECT_TRUE(a.euler == b.euler);
+  EXPECT_TRUE(a.volume == b.volume);
+}
+
+/// Follows fields through resample_lattice() and lattice_topology(). Returns the share of bricks that were taken over.
 double expect_resampled(const std::vector<std::shared_ptr<const Field>>& fields, double spacing) {
   Host host;
   BrickLattice lattice = host.sample(fields[0], spacing);
+  LatticeTopology topology = lattice_topology(lattice);
   std::size_t bricks = 0, kept = 0, details = 0;
   for (std::size_t k = 1; k < fields.size(); ++k) {
     SCOPED_TRACE(k);
@@ -200,7 +216,10 @@ double expect_resampled(const std::vector<std::shared_ptr<const Field>>& fields,
     host.backend->set_field(fields[k]);
     lattice = resample_lattice(std::move(lattice), changes_between(*fields[k - 1], *fields[k]), *fields[k],
                                *host.backend, 1u << 20);
-    expect_same(lattice, host.sample(fields[k], spacing));
+    const BrickLattice whole = host.sample(fields[k], spacing);
+    expect_same(lattice, whole);
+    topology = lattice_topology(lattice, std::move(topology));
+    expect_same(topology, lattice_topology(whole));
     details += lattice.face.size() + lattice.revealed.size();
     for (std::size_t b = 0; b < lattice.same_as.size(); ++b) {
       const Index from = lattice.same_as[b];

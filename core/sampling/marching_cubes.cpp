@@ -38,7 +38,12 @@ Index offsets_from_counts(std::vector<Index>& first) {
   return sum;
 }
 
-void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
+/// The brick of the lattice before that is alike; kNone where there is none.
+Index same_as(const BrickLattice& lattice, const LatticeTopology& before, std::size_t brick) {
+  return before.parts.empty() || lattice.same_as.empty() ? kNone : lattice.same_as[brick];
+}
+
+void find_cells_and_crossings(const BrickLattice& lattice, const LatticeTopology& before, LatticeTopology& t) {
   const std::size_t bricks = lattice.brick_count();
   t.first_cell.assign(bricks + 1, 0);
   t.crossings.resize(bricks);
@@ -48,6 +53,13 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
     for (int i = 0; i < 8; ++i)
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
+    if (const Index old = same_as(lattice, before, b); old != kNone) {
+      t.signs[b] = before.signs[old];
+      t.first_cell[b] = before.first_cell[old + 1] - before.first_cell[old];
+      t.crossings[b] = before.crossings[old];
+      t.crossings[b].first = static_cast<Index>(before.parts[old].of_crossing.size());
+      return;
+    }
     const BrickSigns signs = t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
     if (!signs.mixed()) return;
     BrickCrossings& c = t.crossings[b];
@@ -79,12 +91,21 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t) {
   t.crossing_piece.assign(crossings, kNone);
 }
 
-void fill_cells(const BrickLattice& lattice, LatticeTopology& t) {
+void fill_cells(const BrickLattice& lattice, const LatticeTopology& before, LatticeTopology& t) {
   for_bricks(lattice.brick_count(), [&](std::size_t b) {
     if (t.first_cell[b] == t.first_cell[b + 1]) return;
+    Index at = t.first_cell[b];
+    if (const Index old = same_as(lattice, before, b); old != kNone) {
+      for (Index c = before.first_cell[old]; c < before.first_cell[old + 1]; ++c, ++at) {
+        t.cell[at] = before.cell[c];
+        t.shape[at] = before.shape[c];
+        t.tunnel[at] = before.tunnel[c];
+        t.first_patch[at] = before.first_patch[c + 1] - before.first_patch[c];
+      }
+      return;
+    }
     const float* value = &lattice.value[b * kValues];
     const BrickSigns& signs = t.signs[b];
-    Index at = t.first_cell[b];
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y)
         for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
@@ -158,32 +179,17 @@ CellSurface surface_in_cell(const LatticeTopology& t, Index at, const std::array
   return cell_surface(shape(t.shape[at]), t.tunnel[at], point);
 }
 
-/// What hangs together within one brick; the brick's *parts* of pieces are numbered by their first patch.
-struct BrickParts {
-  struct Part {
-    int euler = 0;        // patches - crossings that start in the brick
-    double volume = 0.0;  // below the triangles, down to the brick's low corner, in lattice cells
-    double shadow = 0.0;  // their signed area seen along z: what the volume grows by when that corner is lower by one
-    Box box;              // of crossings that start in the brick, world units
-  };
-  /// A crossing of another brick that a part has.
-  struct Link {
-    Index part, brick, crossing;
-  };
-  std::vector<Part> part;
-  std::vector<Link> link;
-};
-
 /// Finds the parts of one brick after another.
 class PartFinder {
 public:
-  /// Fills crossing_point, and, with numbers of parts, crossing_piece and piece of one brick.
+  /// Fills crossing_point of one brick.
   BrickParts find(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
     parts_ = {};
     number_crossings(lattice, t, brick);
     for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) join(t, at);
     number_parts(lattice, t, brick);
-    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) add_volume(t, at);
+    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at)
+      add_volume(t, t.first_patch[t.first_cell[brick]], at);
     place(lattice, t, brick);
     return std::move(parts_);
   }
@@ -266,6 +272,9 @@ private:
 
   void number_parts(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
     auto& part = parts_.part;
+    const Index first = t.first_patch[t.first_cell[brick]];
+    parts_.of_patch.resize(t.first_patch[t.first_cell[brick + 1]] - first);
+    parts_.of_crossing.resize(own_);
     for (std::uint16_t& parent : parent_) parent = parent_[parent];  // never later than its child: now all are roots
     part_of_root_.assign(point_.size(), kNone);
     for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) {
@@ -277,30 +286,33 @@ private:
           number = static_cast<Index>(part.size());
           part.emplace_back();
         }
-        t.piece[t.first_patch[at] + l] = number;
+        parts_.of_patch[t.first_patch[at] + l - first] = static_cast<std::uint16_t>(number);
         ++part[number].euler;
       }
-      if (t.tunnel[at]) part[t.piece[t.first_patch[at]]].euler -= 2;  // an annulus instead of two discs
+      if (t.tunnel[at]) part[parts_.of_patch[t.first_patch[at] - first]].euler -= 2;  // an annulus instead of two discs
     }
     // Every crossing lies on four patches and has four segments, each shared by two of them: V - E + F = F - V.
     for (std::size_t i = 0; i < own_; ++i) {
       const Index number = part_of_root_[parent_[i]];
-      t.crossing_piece[t.crossings[brick].first + i] = number;
+      parts_.of_crossing[i] = static_cast<std::uint16_t>(number);
       --part[number].euler;
     }
     for (std::size_t i = own_; i < point_.size(); ++i) {
       const int axis = slot_[i] / kValues, corner = slot_[i] % kValues;
       const IVec3 low(corner / (kCorners * kCorners), corner / kCorners % kCorners, corner % kCorners);
-      const Index other = t.upper[brick][(low.x == kCells) << 2 | (low.y == kCells) << 1 | (low.z == kCells)];
+      const int neighbour = (low.x == kCells) << 2 | (low.y == kCells) << 1 | (low.z == kCells);
       const Index c = t.crossing(brick, low, axis);
       if (c == kNone) throw_open(lattice, brick);
-      parts_.link.push_back({part_of_root_[parent_[i]], other, c});
+      parts_.link.push_back({static_cast<std::uint16_t>(part_of_root_[parent_[i]]),
+                             static_cast<std::uint16_t>(c - t.crossings[t.upper[brick][neighbour]].first),
+                             static_cast<std::uint8_t>(neighbour)});
     }
   }
 
-  void add_volume(const LatticeTopology& t, Index at) {
+  void add_volume(const LatticeTopology& t, Index first_patch, Index at) {
     const CellShape& s = shapes_[t.shape[at]];
     const int slot = cell_slot(t.cell[at]);
+    const std::uint16_t* const part = &parts_.of_patch[t.first_patch[at] - first_patch];
     if (s.centres > 0 || t.tunnel[at]) {
       CellCrossings crossings;
       for (int k = 0; k < s.first[s.loops]; ++k) crossings[s.edge[k]] = point_[crossing(slot, s.edge[k])];
@@ -310,13 +322,12 @@ private:
           const int c = surface.triangle[k][i];
           return c < 12 ? crossings[c] : surface.extra[c - 12];
         };
-        add_triangle(parts_.part[t.piece[t.first_patch[at] + surface.loop_of_triangle[k]]], corner(0), corner(1),
-                     corner(2));
+        add_triangle(parts_.part[part[surface.loop_of_triangle[k]]], corner(0), corner(1), corner(2));
       }
       return;
     }
     for (int l = 0; l < s.loops; ++l) {
-      BrickParts::Part& to = parts_.part[t.piece[t.first_patch[at] + l]];
+      BrickParts::Part& to = parts_.part[part[l]];
       for (int k = s.first_triangle[l]; k < s.first_triangle[l + 1]; ++k) {
         const auto& corner = s.triangle[k];
         add_triangle(to, point_[crossing(slot, corner[0])], point_[crossing(slot, corner[1])],
@@ -337,9 +348,9 @@ private:
     for (std::size_t i = 0; i < own_; ++i)
       t.crossing_point[first + i] = Vec3(lattice.origin + lattice.spacing * (low + point_[i]));
     for (std::size_t i = 0, end; i < own_; i = end) {  // in runs of one part
-      const Index number = t.crossing_piece[first + i];
+      const std::uint16_t number = parts_.of_crossing[i];
       Vec3 least = t.crossing_point[first + i], most = least;
-      for (end = i + 1; end < own_ && t.crossing_piece[first + end] == number; ++end) {
+      for (end = i + 1; end < own_ && parts_.of_crossing[end] == number; ++end) {
         least = glm::min(least, t.crossing_point[first + end]);
         most = glm::max(most, t.crossing_point[first + end]);
       }
@@ -359,23 +370,43 @@ private:
   std::size_t own_ = 0;
 };
 
-std::vector<BrickParts> find_parts(const BrickLattice& lattice, LatticeTopology& t) {
-  std::vector<BrickParts> parts(lattice.brick_count());
+/// Whether all that PartFinder asks of a brick, its upper neighbours' crossings included, is as it was for brick `old`.
+bool parts_stay(const BrickLattice& lattice, const LatticeTopology& before, const LatticeTopology& t, std::size_t brick,
+                Index old) {
+  for (int i = 0; i < 8; ++i) {
+    const Index neighbour = t.upper[brick][i], was = before.upper[old][i];
+    if (neighbour == kNone ? was != kNone : same_as(lattice, before, neighbour) != was || was == kNone) return false;
+  }
+  return true;
+}
+
+void find_parts(const BrickLattice& lattice, LatticeTopology& before, LatticeTopology& t) {
+  t.parts.resize(lattice.brick_count());
   tbb::enumerable_thread_specific<PartFinder> finder;
-  for_bricks(parts.size(), [&](std::size_t b) {
-    if (t.first_cell[b] < t.first_cell[b + 1]) parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
+  for_bricks(t.parts.size(), [&](std::size_t b) {
+    if (t.first_cell[b] == t.first_cell[b + 1]) return;
+    const Index old = same_as(lattice, before, b);
+    if (old == kNone || !parts_stay(lattice, before, t, b, old)) {
+      t.parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
+      return;
+    }
+    t.parts[b] = std::move(before.parts[old]);
+    std::copy_n(&before.crossing_point[before.crossings[old].first], t.parts[b].of_crossing.size(),
+                &t.crossing_point[t.crossings[b].first]);
   });
-  return parts;
 }
 
 /// Makes pieces of the bricks' parts.
-void join_parts(const BrickLattice& lattice, LatticeTopology& t, const std::vector<BrickParts>& bricks) {
+void join_parts(const BrickLattice& lattice, LatticeTopology& t) {
+  const std::vector<BrickParts>& bricks = t.parts;
   std::vector<Index> first(bricks.size() + 1, 0);
   for (std::size_t b = 0; b < bricks.size(); ++b) first[b + 1] = first[b] + static_cast<Index>(bricks[b].part.size());
   Sets sets(first.back());
   for (std::size_t b = 0; b < bricks.size(); ++b)
-    for (const BrickParts::Link& link : bricks[b].link)
-      sets.join(first[b] + link.part, first[link.brick] + t.crossing_piece[link.crossing]);
+    for (const BrickParts::Link& link : bricks[b].link) {
+      const Index other = t.upper[b][link.neighbour];
+      sets.join(first[b] + link.part, first[other] + bricks[other].of_crossing[link.crossing]);
+    }
   std::vector<Index> piece(first.back());
   for (std::size_t b = 0; b < bricks.size(); ++b)
     for (Index k = 0; k < bricks[b].part.size(); ++k) {
@@ -394,12 +425,12 @@ void join_parts(const BrickLattice& lattice, LatticeTopology& t, const std::vect
       t.box[p].add(part.box);
     }
   for_bricks(bricks.size(), [&](std::size_t b) {
-    const Index patches = t.first_patch[t.first_cell[b]], patches_end = t.first_patch[t.first_cell[b + 1]];
-    for (Index p = patches; p < patches_end; ++p) t.piece[p] = piece[first[b] + t.piece[p]];
-    const Index crossings_end =
-        b + 1 < bricks.size() ? t.crossings[b + 1].first : static_cast<Index>(t.crossing_piece.size());
-    for (Index c = t.crossings[b].first; c < crossings_end; ++c)
-      t.crossing_piece[c] = piece[first[b] + t.crossing_piece[c]];
+    const auto piece_of = [&](std::uint16_t part) { return piece[first[b] + part]; };
+    const BrickParts& parts = bricks[b];
+    std::transform(parts.of_patch.begin(), parts.of_patch.end(), t.piece.begin() + t.first_patch[t.first_cell[b]],
+                   piece_of);
+    std::transform(parts.of_crossing.begin(), parts.of_crossing.end(), t.crossing_piece.begin() + t.crossings[b].first,
+                   piece_of);
   });
 }
 
@@ -493,11 +524,12 @@ Index LatticeTopology::crossing(Index brick, IVec3 corner, int axis) const {
   return c.first + c.before[word] + static_cast<Index>(std::popcount(c.mask[word] & (bit - 1)));
 }
 
-LatticeTopology lattice_topology(const BrickLattice& lattice) {
+LatticeTopology lattice_topology(const BrickLattice& lattice, LatticeTopology before) {
   LatticeTopology t;
-  find_cells_and_crossings(lattice, t);
-  fill_cells(lattice, t);
-  join_parts(lattice, t, find_parts(lattice, t));
+  find_cells_and_crossings(lattice, before, t);
+  fill_cells(lattice, before, t);
+  find_parts(lattice, before, t);
+  join_parts(lattice, t);
   return t;
 }
 

@@ -20,6 +20,24 @@ struct BrickCrossings {
   Index first = 0;                         // of this brick
 };
 
+/// What hangs together within one brick; the brick's *parts* of pieces are numbered by their first patch.
+struct BrickParts {
+  struct Part {
+    int euler = 0;        // patches - crossings that start in the brick
+    double volume = 0.0;  // below the triangles, down to the brick's low corner, in lattice cells
+    double shadow = 0.0;  // their signed area seen along z: what the volume grows by when that corner is lower by one
+    Box box;              // of crossings that start in the brick, world units
+  };
+  /// A crossing of a neighbour (see LatticeTopology::upper) that a part has, by its number in that brick.
+  struct Link {
+    std::uint16_t part = 0, crossing = 0;
+    std::uint8_t neighbour = 0;
+  };
+  std::vector<Part> part;
+  std::vector<std::uint16_t> of_patch, of_crossing;  // parts, of the patches and crossings of the brick
+  std::vector<Link> link;
+};
+
 /// The surface as the lattice sees it: its connected pieces, without any triangle. A *crossing* is where it meets a
 /// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that
 /// share a crossing.
@@ -37,6 +55,8 @@ struct LatticeTopology {
   std::vector<std::array<Index, 8>>
       upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
 
+  std::vector<BrickParts> parts;  // per brick
+
   std::vector<int> euler;      // per piece: vertices - edges + patches
   std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity
   std::vector<Box> box;        // per piece: bounds of its crossings
@@ -52,8 +72,9 @@ struct LatticeTopology {
 /// Face ambiguities are resolved by lattice.face, else by the asymptotic decider, alike in both cells of a face, so
 /// loops close; loops bound discs but for cells in lattice.tunnel; pieces are numbered in order of their first patch.
 /// Crossing points by linear interpolation, kept at least 2% of an edge away from lattice corners. Parallel and
-/// deterministic. Throws std::invalid_argument when a brick is missing where the surface goes on.
-LatticeTopology lattice_topology(const BrickLattice& lattice);
+/// deterministic. Throws std::invalid_argument when a brick is missing where the surface goes on. `before`: of the
+/// lattice that lattice.same_as refers to; what it says of bricks that are alike is taken over, with the same result.
+LatticeTopology lattice_topology(const BrickLattice& lattice, LatticeTopology before = {});
 
 /// Triangulates the pieces with wanted[piece] != 0 (all when `wanted` is empty). Loops are cut so that no diagonal lies
 /// in a cell face (a centre point is added where it must), hence no edge is shared by more than two triangles.
