@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "app/command.h"
+#include "app/json_lines.h"
 #include "app/meshing.h"
 #include "app/options.h"
 #include "core/io/ply.h"
@@ -19,6 +20,7 @@ struct ExtractCommand {
   std::string method = "marching-cubes", output;
   std::uint64_t seed = ExtractOptions{}.seed;
   std::optional<int> frame;
+  bool json = false;
 };
 
 void print(const ExtractCommand& command, const Extraction& made, double edge_length, double ms) {
@@ -26,6 +28,23 @@ void print(const ExtractCommand& command, const Extraction& made, double edge_le
   const MeshPieces pieces = mesh_pieces(made.mesh);
   int euler = 0;
   for (const int piece : pieces.euler) euler += piece;
+  if (command.json) {
+    const Json line{{"output", command.output},
+                    {"method", command.method},
+                    {"story", made.story},
+                    {"triangles", made.mesh.triangle_count()},
+                    {"vertices", made.mesh.vertex_count()},
+                    {"pieces", pieces.count()},
+                    {"euler", euler},
+                    {"certified", made.certificate.passed},
+                    {"faults", made.certificate.summary()},
+                    {"angles", {{"min", shape.min_angle}, {"p1", shape.p1_angle}, {"mean", shape.mean_angle}}},
+                    {"mean_edge", shape.mean_edge},
+                    {"edge_length", edge_length},
+                    {"ms", ms}};
+    fmt::print("{}\n", line.dump());
+    return;
+  }
   fmt::print("{}: {} triangles, {} vertices, {:.0f} ms\n", command.output, made.mesh.triangle_count(),
              made.mesh.vertex_count(), ms);
   fmt::print("{:<16}{}\n", command.method, made.story);
@@ -70,6 +89,7 @@ void add_extract(CLI::App& app, Action& action) {
   command->add_option("--frame", o->frame, "Frame to mesh (default: the first)");
   command->add_option("--edge-length", o->edge_length,
                       "Wanted edge, world units (default: 1.5 voxels, or 1/60 of the scene's diagonal)");
+  command->add_flag("--json", o->json, "Print a line of JSON");
   command->add_option("--seed", o->seed, "Of the particles' random starts")->capture_default_str();
   add_input_options(*command, o->input);
   add_backend_options(*command, o->backend);

@@ -17,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostAntialias = 4;
-constexpr double kWireWidth = 0.8;  // pixels
+constexpr double kSeedSpacings = 60.0;  // along the field's diagonal
+constexpr double kWireWidth = 0.8;      // pixels
 // By how much a mesh may be off its field in depth, as `compare` judges it: of a voxel, or of the edge length.
 constexpr double kVoxelTolerance = 0.25, kEdgeTolerance = 0.02;
 
@@ -26,11 +27,12 @@ struct RenderCommand {
   BackendOptions backend;
   MeshingOptions meshing;
   std::string what = "mesh", mesh = "geometric", shading = "plain";
-  std::string camera, save_camera, output;
+  std::string camera, save_camera, output, bounds = "bisected";
   std::optional<std::string> size;
+  std::optional<double> pattern_size;
   std::optional<int> frame;
   int antialias = 1;
-  bool wireframe = false;
+  bool wireframe = false, count = false;
 };
 
 /// What is to be seen, and the box that frames it. A mesh that `track` wrote is framed by the box of its field, which
@@ -141,12 +143,36 @@ Camera camera_of(const RenderCommand& command, const Box& box) {
   return frame_box(box, camera.width, camera.height);
 }
 
-Image shaded(const RenderCommand& command, const Subject& subject, const Camera& camera) {
-  Image image = command.what == "field" ? raytrace(*subject.field, camera).image
-                                        : rasterize(subject.mesh, subject.normals, camera, {.wire = command.wireframe});
+/// The field through the camera, bounded by what the command asks for.
+Raytraced traced(const RenderCommand& command, const std::shared_ptr<const Field>& field, const Camera& camera) {
+  if (command.bounds == "bisected") return raytrace(*field, camera);
+  if (command.bounds == "main") return raytrace(*field, main_box(*field), camera);
+  const SkeletonParts parts = skeleton_parts(*field, command.input.input);
+  SeedOptions options;
+  options.spacing = field->bounds().diagonal() / kSeedSpacings;
+  Seeds seeds(options);
+  const std::unique_ptr<Backend> backend = make_reference_backend();
+  backend->set_field(field);
+  seeds.move_to(parts, *backend);
+  return raytrace(*field, seed_boxes(*field, seeds), camera);
+}
+
+Image shaded(const RenderCommand& command, const Subject& subject, const Camera& camera,
+             RaytraceReport* report = nullptr) {
   ShadeOptions options;
   if (command.shading == "checker") options.pattern = Pattern::checker;
   if (command.shading == "noise") options.pattern = Pattern::noise;
+  options.pattern_size = command.pattern_size.value_or(0.0);
+  Image image;
+  if (command.what == "field") {
+    Raytraced picture = traced(command, subject.field, camera);
+    image = std::move(picture.image);
+    if (report) *report = picture.report;
+  } else {
+    image = rasterize(subject.mesh, subject.normals, camera,
+                      {.wire = command.wireframe,
+                       .noise_size = options.pattern == Pattern::noise ? pattern_size(options, camera) : 0.0});
+  }
   if (command.wireframe) options.wire_width = kWireWidth * command.antialias;
   if (command.what == "mesh") add_shadows(image, subject.mesh, camera);
   shade(image, camera, options);
@@ -162,6 +188,8 @@ void check(const RenderCommand& command) {
     throw InputError(fmt::format("-o {}: no such folder; expected one that exists", command.output));
   if (command.size) parse_size(*command.size);
   require_range("--antialias", command.antialias, 1, kMostAntialias);
+  if (command.count && command.what != "field")
+    throw InputError("--count with --what mesh: expected --what field; a mesh is not evaluated");
   if (command.wireframe && command.what == "field")
     throw InputError("--wireframe with --what field: expected --what mesh; a field has no edges");
 }
@@ -173,7 +201,8 @@ int run(const RenderCommand& command) {
   const Camera camera = camera_of(command, subject.box);
   camera_rays(camera);  // throws what is wrong with it
   const std::string comment = fmt::format("isoskin {}: {} of {}", ISOSKIN_VERSION, command.what, command.input.input);
-  const Image image = shaded(command, subject, camera);
+  RaytraceReport report;
+  const Image image = shaded(command, subject, camera, &report);
   save_exr(command.output, image, comment);
   const fs::path preview = fs::path(command.output).replace_extension(".png");
   if (command.antialias == 1) {
@@ -186,6 +215,9 @@ int run(const RenderCommand& command) {
   }
   if (!command.save_camera.empty()) save_camera(command.save_camera, camera);
   fmt::print("{}\n{}\n", command.output, preview.string());
+  if (command.what == "field" && command.count)
+    fmt::print("{} boxes, {} pixels hit, {} evaluations of the field, {} of its bounds, {} elements asked\n",
+               report.boxes, report.hits, report.evaluations, report.bounds, report.elements);
   return kOk;
 }
 
@@ -209,11 +241,25 @@ void add_render(CLI::App& app, Action& action) {
   command->add_option("--size", o->size, "WIDTHxHEIGHT in pixels (default: the camera file's, or 1024x768)");
   command->add_option("--camera", o->camera, "Camera file (default: frames the object)");
   command->add_option("--save-camera", o->save_camera, "Write the camera that was used, for --camera");
-  command->add_option("--shading", o->shading, "Plain, or a texture that sticks to the surface")
+  command
+      ->add_option("--shading", o->shading,
+                   "Plain, or a texture that sticks to the surface: a checker, or Perlin noise")
       ->check(CLI::IsMember({"plain", "checker", "noise"}))
       ->capture_default_str();
+  command
+      ->add_option("--pattern-size", o->pattern_size,
+                   "Side of a checker or of the coarsest noise, world units (default: 1/18 of the picture's height)")
+      ->check(CLI::PositiveNumber);
   command->add_flag("--wireframe", o->wireframe, "Draw the mesh's edges");
   command->add_option("--antialias", o->antialias, "Samples of the PNG a pixel and axis")->capture_default_str();
+  command
+      ->add_option(
+          "--bounds", o->bounds,
+          "What bounds the field's rays: small boxes bisected from the field, the local boxes of the skeleton's "
+          "seeds, or one box")
+      ->check(CLI::IsMember({"bisected", "seeds", "main"}))
+      ->capture_default_str();
+  command->add_flag("--count", o->count, "Tell how often the field was evaluated");
   add_meshing_options(*command, o->meshing);
   add_input_options(*command, o->input);
   add_backend_options(*command, o->backend);

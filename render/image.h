@@ -19,6 +19,7 @@ namespace isoskin {
 ///   N.X N.Y N.Z  outward unit normal
 ///   rest.X/Y/Z   rest position, the tracked texture coordinate (meshes only)
 ///   back         1 where the surface is seen from behind: ray . geometric normal > 0
+///   noise        Perlin noise of the rest position, 0 to 1 (the rasterizer's noise option only)
 ///   wire         distance to the nearest edge of the hit triangle, pixels (the rasterizer's wireframe option only)
 ///   shadow       share of the key light that is hidden (shadow.h)
 ///   R G B        shaded, linear, premultiplied by coverage

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "render/gl_context.h"
+#include "render/perlin.h"
 
 namespace isoskin {
 namespace {
@@ -31,7 +32,10 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3
 )";
 
 // Meets the ray of the pixel's centre with the plane of the visible triangle.
-constexpr char kResolveFragment[] = R"(#version 450 core
+constexpr char kResolveHead[] = R"(#version 450 core
+layout(std430, binding = 4) readonly buffer Permutation { uint permutation[]; };
+)";
+constexpr char kResolveFragment[] = R"(
 layout(std430, binding = 0) readonly buffer Positions { float position[]; };
 layout(std430, binding = 1) readonly buffer Normals { float normal[]; };
 layout(std430, binding = 2) readonly buffer Rests { float rest[]; };
@@ -42,7 +46,8 @@ uniform vec2 size;
 uniform mat3 view_to_world;
 layout(location = 0) out vec4 normal_depth;
 layout(location = 1) out vec4 rest_back;
-layout(location = 2) out float wire;
+layout(location = 2) out vec2 wire_noise;
+uniform float over_noise_size;
 
 struct Triangle { vec3 a, ab, ac, n; };
 
@@ -76,7 +81,7 @@ void main() {
   vec3 dx = weights(t, ray(gl_FragCoord.xy + vec2(1, 0))) - w;
   vec3 dy = weights(t, ray(gl_FragCoord.xy + vec2(0, 1))) - w;
   vec3 pixels = w / sqrt(dx * dx + dy * dy);
-  wire = max(0, min(pixels.x, min(pixels.y, pixels.z)));
+  wire_noise = vec2(max(0, min(pixels.x, min(pixels.y, pixels.z))), 0);
 
   // Window coordinates are snapped to 1/256 pixel, so the centre may lie a hair outside.
   w = max(w, vec3(0));
@@ -88,16 +93,17 @@ void main() {
   vec3 n = w.x * vertex_normal(v.x) + w.y * vertex_normal(v.y) + w.z * vertex_normal(v.z);
   n = dot(n, n) > 1e-12 ? n : outward;
   normal_depth = vec4(dot(n, n) > 0 ? normalize(n) : vec3(0), depth);
-  rest_back = vec4(w.x * rest_position(v.x) + w.y * rest_position(v.y) + w.z * rest_position(v.z),
-                   dot(t.n, direction) < 0 ? 1 : 0);
+  vec3 at_rest = w.x * rest_position(v.x) + w.y * rest_position(v.y) + w.z * rest_position(v.z);
+  rest_back = vec4(at_rest, dot(t.n, direction) < 0 ? 1 : 0);
+  if (over_noise_size > 0) wire_noise.y = fractal_noise(over_noise_size * at_rest);
 }
 )";
 
 class Program {
 public:
-  Program(const char* vertex, const char* fragment) : id_(glCreateProgram()) {
+  Program(const char* vertex, const std::string& fragment) : id_(glCreateProgram()) {
     attach(GL_VERTEX_SHADER, vertex);
-    attach(GL_FRAGMENT_SHADER, fragment);
+    attach(GL_FRAGMENT_SHADER, fragment.c_str());
     glLinkProgram(id_);
     GLint linked = 0;
     glGetProgramiv(id_, GL_LINK_STATUS, &linked);
@@ -131,7 +137,7 @@ private:
 
 struct Programs {
   Program visibility{kVisibilityVertex, kVisibilityFragment};
-  Program resolve{kResolveVertex, kResolveFragment};
+  Program resolve{kResolveVertex, std::string(kResolveHead) + kPerlinShader + kResolveFragment};
 };
 
 // Made by the first caller, who holds the context.
@@ -226,7 +232,7 @@ private:
 };
 
 struct GpuMesh {
-  Buffer positions, normals, rests, corners;
+  Buffer positions, normals, rests, corners, permutation;
 };
 
 std::vector<Vec3> view_positions(const TriangleMesh& mesh, const CameraRays& rays) {
@@ -264,14 +270,16 @@ void draw_visibility(const GpuMesh& mesh, GLsizei corners, const CameraRays& ray
   glDrawElements(GL_TRIANGLES, corners, GL_UNSIGNED_INT, nullptr);
 }
 
-void draw_attributes(const GpuMesh& mesh, const CameraRays& rays, const Texture& ids, const Framebuffer& frame) {
+void draw_attributes(const GpuMesh& mesh, const CameraRays& rays, const Texture& ids, const Framebuffer& frame,
+                     double noise_size) {
   frame.clear_float(0, {0, 0, 0, std::numeric_limits<float>::infinity()});
   frame.clear_float(1, {0, 0, 0, 0});
   frame.clear_float(2, {0, 0, 0, 0});
   frame.bind();
   glDisable(GL_DEPTH_TEST);
-  const GLuint buffers[] = {mesh.positions.id(), mesh.normals.id(), mesh.rests.id(), mesh.corners.id()};
-  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, 4, buffers);
+  const GLuint buffers[] = {mesh.positions.id(), mesh.normals.id(), mesh.rests.id(), mesh.corners.id(),
+                            mesh.permutation.id()};
+  glBindBuffersBase(GL_SHADER_STORAGE_BUFFER, 0, 5, buffers);
   glBindTextureUnit(0, ids.id());
   const VertexArray none;
   glBindVertexArray(none.id());
@@ -280,17 +288,19 @@ void draw_attributes(const GpuMesh& mesh, const CameraRays& rays, const Texture&
   const glm::mat3 view_to_world(rays.right, rays.up, rays.forward);
   glUniform2f(program.uniform("half_size"), static_cast<float>(rays.half_width), static_cast<float>(rays.half_height));
   glUniform2f(program.uniform("size"), static_cast<float>(rays.width), static_cast<float>(rays.height));
+  glUniform1f(program.uniform("over_noise_size"), noise_size > 0.0 ? static_cast<float>(1.0 / noise_size) : 0.0f);
   glUniformMatrix3fv(program.uniform("view_to_world"), 1, GL_FALSE, &view_to_world[0][0]);
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-Image empty_image(const CameraRays& rays, bool wire) {
+Image empty_image(const CameraRays& rays, const RasterizeOptions& options) {
   Image image{rays.width, rays.height, {}};
   for (const char* name : {"A", "P.X", "P.Y", "P.Z", "N.X", "N.Y", "N.Z", "rest.X", "rest.Y", "rest.Z", "back"}) {
     image.add(name);
   }
   image.add("Z", std::numeric_limits<float>::infinity());
-  if (wire) image.add("wire");
+  if (options.wire) image.add("wire");
+  if (options.noise_size > 0.0) image.add("noise");
   return image;
 }
 
@@ -326,7 +336,7 @@ Image rasterize(const TriangleMesh& mesh, std::span<const Vec3> normals, const C
     throw std::invalid_argument("rasterize: expected one normal a vertex");
   }
   const CameraRays rays = camera_rays(camera);
-  Image image = empty_image(rays, options.wire);
+  Image image = empty_image(rays, options);
   if (mesh.empty()) return image;
 
   const std::vector<Vec3> own =
@@ -337,16 +347,23 @@ Image rasterize(const TriangleMesh& mesh, std::span<const Vec3> normals, const C
   const GpuMesh gpu{{view_positions(mesh, rays), "positions"},
                     {own, "normals"},
                     {mesh.vertices.rest, "rest positions"},
-                    {mesh.vertex, "triangles"}};
+                    {mesh.vertex, "triangles"},
+                    {std::vector(kPerlinPermutation.begin(), kPerlinPermutation.end()), "permutation"}};
   const Texture ids(GL_R32UI, rays.width, rays.height);
   draw_visibility(gpu, static_cast<GLsizei>(mesh.vertex.size()), rays, ids);
   const Texture normal_depth(GL_RGBA32F, rays.width, rays.height), rest_back(GL_RGBA32F, rays.width, rays.height);
-  const Texture wire(GL_R32F, rays.width, rays.height);
-  const std::array targets{normal_depth.id(), rest_back.id(), wire.id()};
+  const Texture wire_noise(GL_RG32F, rays.width, rays.height);
+  const std::array targets{normal_depth.id(), rest_back.id(), wire_noise.id()};
   const Framebuffer frame(targets);
-  draw_attributes(gpu, rays, ids, frame);
+  draw_attributes(gpu, rays, ids, frame, options.noise_size);
   fill_image(image, rays, normal_depth.read(GL_RGBA, 4 * image.pixels()), rest_back.read(GL_RGBA, 4 * image.pixels()));
-  if (options.wire) image.at("wire") = wire.read(GL_RED, image.pixels());
+  const auto read_half = [&](const char* name, std::size_t half) {
+    const std::vector<float> both = wire_noise.read(GL_RG, 2 * image.pixels());
+    std::vector<float>& channel = image.at(name);
+    for (std::size_t pixel = 0; pixel < channel.size(); ++pixel) channel[pixel] = both[2 * pixel + half];
+  };
+  if (options.wire) read_half("wire", 0);
+  if (options.noise_size > 0.0) read_half("noise", 1);
   if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
     throw InputError(fmt::format("rasterizer: OpenGL error {:#x} for {} triangles at {} x {} pixels", error,
                                  mesh.triangle_count(), rays.width, rays.height));

@@ -56,7 +56,7 @@ Image empty_image(const CameraRays& rays, bool with_rest) {
   return image;
 }
 
-// Calls shoot(direction) -> Hit for every pixel and fills the channels.
+// Calls shoot(direction, row) -> Hit for every pixel and fills the channels.
 template <class Shoot>
 Image trace_pixels(const CameraRays& rays, bool with_rest, const Shoot& shoot) {
   Image image = empty_image(rays, with_rest);
@@ -69,7 +69,7 @@ Image trace_pixels(const CameraRays& rays, bool with_rest, const Shoot& shoot) {
   tbb::parallel_for(0, rays.height, [&](int y) {
     for (int x = 0; x < rays.width; ++x) {
       const DVec3 direction = rays.direction(x, y);
-      const Hit hit = shoot(direction);
+      const Hit hit = shoot(direction, y);
       if (!std::isfinite(hit.depth)) continue;
       const std::size_t pixel = static_cast<std::size_t>(y) * rays.width + x;
       a[pixel] = 1.0f;
@@ -93,7 +93,42 @@ struct FieldScene {
   const SurfaceBoxes& boxes;
   DVec3 eye;
   double near_depth;
-  double shortest;  // share of a box's side
+  double shortest;                      // share of a box's side
+  std::vector<std::size_t> elements{};  // of each box's field
+
+  double shortest_in(const Box& box) const { return shortest * (boxes.side > 0.0 ? boxes.side : box.size().x); }
+};
+
+struct Cost {
+  std::size_t evaluations = 0, bounds = 0, elements = 0;
+};
+
+// A field that counts what it is asked for.
+class CountedField final : public Field {
+public:
+  CountedField(const Field& field, std::size_t elements, Cost& cost)
+      : field_(field), elements_(elements), cost_(cost) {}
+  FieldSample sample(const DVec3& p) const override {
+    ++cost_.evaluations;
+    cost_.elements += elements_;
+    return field_.sample(p);
+  }
+  double value(const DVec3& p) const override {
+    ++cost_.evaluations;
+    cost_.elements += elements_;
+    return field_.value(p);
+  }
+  Box bounds() const override { return field_.bounds(); }
+  Interval range(const Box& box) const override {
+    ++cost_.bounds;
+    cost_.elements += elements_;
+    return field_.range(box);
+  }
+
+private:
+  const Field& field_;
+  std::size_t elements_;
+  Cost& cost_;
 };
 
 // Embree hands this to the callbacks with every ray.
@@ -101,6 +136,7 @@ struct FieldRay {
   RTCIntersectContext context;
   DVec3 direction;
   double depth;  // of the nearest zero so far
+  Cost* cost;
 };
 
 float rounded_down(double x) {
@@ -148,21 +184,21 @@ void intersect_box(const RTCIntersectFunctionNArguments* arguments) {
   const SurfaceBox& part = scene.boxes.boxes[arguments->primID];
   const RayPiece piece = clip(scene.eye, ray.direction, part.box, scene.near_depth, ray.depth);
   if (!(piece.end > piece.begin)) return;
-  const auto root =
-      scene.boxes.degree > 0
-          ? first_polynomial_root(*part.field, piece, scene.boxes.degree)
-          : first_root(*part.field, piece, scene.shortest * part.box.size().x / glm::length(ray.direction));
+  const CountedField field(*part.field, scene.elements[arguments->primID], *ray.cost);
+  const auto root = scene.boxes.degree > 0
+                        ? first_polynomial_root(field, piece, scene.boxes.degree)
+                        : first_root(field, piece, scene.shortest_in(part.box) / glm::length(ray.direction));
   if (!root || !(*root < ray.depth)) return;
   ray.depth = *root;
   // Boxes that overlap at this depth are still visited: the answer does not depend on the order of the hierarchy.
   auto& embree = *reinterpret_cast<RTCRayHit*>(arguments->rayhit);
-  embree.ray.tfar = rounded_up(*root * (1.0 + kFloatSlack) + kOverlap * part.box.size().x);
+  embree.ray.tfar = rounded_up(*root * (1.0 + kFloatSlack) + kOverlap * part.box.diagonal());
   embree.hit.geomID = arguments->geomID;
   embree.hit.primID = arguments->primID;
 }
 
-Hit shoot_field(RTCScene embree, const Field& field, const FieldScene& scene, const DVec3& direction) {
-  FieldRay ray{{}, direction, std::numeric_limits<double>::infinity()};
+Hit shoot_field(RTCScene embree, const Field& field, const FieldScene& scene, const DVec3& direction, Cost& cost) {
+  FieldRay ray{{}, direction, std::numeric_limits<double>::infinity(), &cost};
   rtcInitIntersectContext(&ray.context);
   RTCRayHit shot = ray_from_eye(direction, 0.0);  // boxes about the near depth count; clip() cuts there
   rtcIntersect1(embree, &ray.context, &shot);
@@ -204,10 +240,21 @@ Hit shoot_mesh(RTCScene embree, const TriangleMesh& mesh, std::span<const Vec3> 
 }  // namespace
 
 Raytraced raytrace(const Field& field, const Camera& camera, const RaytraceOptions& options) {
-  const CameraRays rays = camera_rays(camera);
+  camera_rays(camera);  // throws what is wrong with it
   const auto begin = Clock::now();
   const SurfaceBoxes boxes = surface_boxes(field, options.boxes);
+  const double took = milliseconds_since(begin);
+  Raytraced out = raytrace(field, boxes, camera, options);
+  out.report.build_ms += took;
+  return out;
+}
+
+Raytraced raytrace(const Field& field, const SurfaceBoxes& boxes, const Camera& camera,
+                   const RaytraceOptions& options) {
+  const CameraRays rays = camera_rays(camera);
+  const auto begin = Clock::now();
   FieldScene scene{boxes, rays.eye, rays.near_depth, options.shortest};
+  for (const SurfaceBox& part : boxes.boxes) scene.elements.push_back(element_count(*part.field));
   const EmbreeDevice device;
   const EmbreeScene embree(device, box_geometry(device, scene));
   Raytraced out;
@@ -215,10 +262,17 @@ Raytraced raytrace(const Field& field, const Camera& camera, const RaytraceOptio
   out.report.build_ms = milliseconds_since(begin);
 
   const auto traced = Clock::now();
-  out.image = trace_pixels(rays, false,
-                           [&](const DVec3& direction) { return shoot_field(embree.get(), field, scene, direction); });
+  std::vector<Cost> cost(std::size_t(rays.height));  // of each row
+  out.image = trace_pixels(rays, false, [&](const DVec3& direction, int row) {
+    return shoot_field(embree.get(), field, scene, direction, cost[std::size_t(row)]);
+  });
   out.report.trace_ms = milliseconds_since(traced);
   out.report.hits = count_hits(out.image);
+  for (const Cost& c : cost) {
+    out.report.evaluations += c.evaluations;
+    out.report.bounds += c.bounds;
+    out.report.elements += c.elements;
+  }
   return out;
 }
 
@@ -238,7 +292,7 @@ Raytraced raytrace(const TriangleMesh& mesh, std::span<const Vec3> normals, cons
 
   const auto traced = Clock::now();
   out.image = trace_pixels(
-      rays, true, [&](const DVec3& direction) { return shoot_mesh(embree.get(), mesh, used, rays, direction); });
+      rays, true, [&](const DVec3& direction, int) { return shoot_mesh(embree.get(), mesh, used, rays, direction); });
   out.report.trace_ms = milliseconds_since(traced);
   out.report.hits = count_hits(out.image);
   return out;

@@ -17,9 +17,12 @@ struct RaytraceOptions {
 };
 
 struct RaytraceReport {
-  std::size_t boxes = 0;  // that bound the surface; triangles of a mesh
-  std::size_t hits = 0;   // pixels
-  double build_ms = 0.0;  // finding boxes and building Embree's hierarchy
+  std::size_t boxes = 0;        // that bound the surface; triangles of a mesh
+  std::size_t hits = 0;         // pixels
+  std::size_t evaluations = 0;  // of F by rays
+  std::size_t bounds = 0;       // of F over pieces of rays
+  std::size_t elements = 0;     // of skeletons that all those had to ask; 0 for other fields
+  double build_ms = 0.0;        // finding boxes and building Embree's hierarchy
   double trace_ms = 0.0;
 };
 
@@ -33,6 +36,10 @@ struct Raytraced {
 /// exactly, cell by cell, as polynomials along the ray; others by bisection between bounds (ray_root.h). Parallel by
 /// rows; the same bytes whatever the number of threads. Throws InputError: bad camera.
 Raytraced raytrace(const Field& field, const Camera& camera, const RaytraceOptions& options = {});
+
+/// The same, within `boxes` only.
+Raytraced raytrace(const Field& field, const SurfaceBoxes& boxes, const Camera& camera,
+                   const RaytraceOptions& options = {});
 
 /// The triangles of a mesh: channels A, Z, P, N (interpolated `normals`; empty: area-weighted), rest and back. Throws
 /// InputError: bad camera; std::invalid_argument: number of normals.

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "render/lights.h"
+#include "render/perlin.h"
 
 namespace isoskin {
 namespace {
@@ -15,27 +16,6 @@ namespace {
 constexpr double kPatternShare = 1.0 / 18.0, kOcclusionShare = 1.0 / 14.0;  // of the picture's height at the target
 constexpr int kOcclusionSamples = 20, kOcclusionTurns = 7;                  // points on a spiral about the pixel
 constexpr float kOcclusionBias = 0.06f;  // cosine below which a neighbour does not hide the sky: a flat surface's own
-
-// Smoothly interpolated random values on the integer lattice, 0 to 1.
-float value_noise(const Vec3& p) {
-  const Vec3 cell = glm::floor(p);
-  const Vec3 u = p - cell;
-  const Vec3 w = u * u * u * (u * (u * 6.0f - 15.0f) + 10.0f);
-  const IVec3 c(cell);
-  const auto along_x = [&](int y, int z) {
-    return glm::mix(unit_hash(c.x, c.y + y, c.z + z), unit_hash(c.x + 1, c.y + y, c.z + z), w.x);
-  };
-  return glm::mix(glm::mix(along_x(0, 0), along_x(1, 0), w.y), glm::mix(along_x(0, 1), along_x(1, 1), w.y), w.z);
-}
-
-// Four octaves, stretched to fill 0 to 1.
-float fractal_noise(const Vec3& p) {
-  float sum = 0.0f, weight = 0.5f, scale = 1.0f;
-  for (int octave = 0; octave < 4; ++octave, weight *= 0.5f, scale *= 2.03f) {
-    sum += weight * value_noise(scale * p + 17.3f * static_cast<float>(octave));
-  }
-  return glm::smoothstep(0.30f, 0.64f, sum);
-}
 
 float pattern_value(Pattern pattern, const Vec3& p) {
   if (pattern == Pattern::plain) return 0.0f;
@@ -52,7 +32,7 @@ struct Scene {
   const std::vector<float>&a, &z;
   VectorChannels position, normal;
   std::optional<VectorChannels> rest;
-  const std::vector<float>*back, *wire, *shadow;
+  const std::vector<float>*back, *wire, *shadow, *noise;
 };
 
 // The share of the sky that neighbours on the screen hide ("Alchemy" estimator: McGuire et al. 2011, HPG).
@@ -111,7 +91,8 @@ Vec3 pixel_color(const Scene& scene, int x, int y) {
   const float open = 1.0f - static_cast<float>(scene.options.occlusion) *
                                 (scene.options.occlusion > 0.0 ? occlusion(scene, x, y, p, n) : 0.0f);
   const Vec3 at = (scene.rest ? *scene.rest : scene.position)[pixel];
-  const float mixed = pattern_value(scene.options.pattern, at / static_cast<float>(scene.pattern_size));
+  const float mixed = scene.noise ? (*scene.noise)[pixel]
+                                  : pattern_value(scene.options.pattern, at / static_cast<float>(scene.pattern_size));
   Vec3 albedo = glm::mix(scene.options.color, scene.options.second, mixed);
   if (behind) albedo = glm::mix(albedo, scene.options.back_color, 0.85f);
 
@@ -126,6 +107,11 @@ Vec3 pixel_color(const Scene& scene, int x, int y) {
 
 }  // namespace
 
+double pattern_size(const ShadeOptions& options, const Camera& camera) {
+  if (options.pattern_size > 0.0) return options.pattern_size;
+  return kPatternShare * 2.0 * camera_rays(camera).half_height * glm::length(camera.target - camera.eye);
+}
+
 void shade(Image& image, const Camera& camera, const ShadeOptions& options) {
   const CameraRays rays = camera_rays(camera);
   if (rays.width != image.width || rays.height != image.height) {
@@ -135,7 +121,7 @@ void shade(Image& image, const Camera& camera, const ShadeOptions& options) {
   const Scene scene{image,
                     rays,
                     options,
-                    options.pattern_size > 0.0 ? options.pattern_size : kPatternShare * height,
+                    pattern_size(options, camera),
                     options.occlusion_radius > 0.0 ? options.occlusion_radius : kOcclusionShare * height,
                     image.at("A"),
                     image.at("Z"),
@@ -144,7 +130,8 @@ void shade(Image& image, const Camera& camera, const ShadeOptions& options) {
                     image.has("rest.X") ? std::optional(VectorChannels(image, "rest")) : std::nullopt,
                     image.has("back") ? &image.at("back") : nullptr,
                     options.wire_width > 0.0 ? &image.at("wire") : nullptr,
-                    image.has("shadow") ? &image.at("shadow") : nullptr};
+                    image.has("shadow") ? &image.at("shadow") : nullptr,
+                    options.pattern == Pattern::noise && image.has("noise") ? &image.at("noise") : nullptr};
   auto &r = image.add("R"), &g = image.add("G"), &b = image.add("B");
   tbb::parallel_for(0, image.height, [&](int y) {
     for (int x = 0; x < image.width; ++x) {

@@ -6,7 +6,7 @@
 
 namespace isoskin {
 
-enum class Pattern : std::uint8_t { plain, checker, noise };
+enum class Pattern : std::uint8_t { plain, checker, noise };  // noise: Perlin's, see render/perlin.h
 
 /// Colours are linear. Lengths of 0 are chosen from the camera: shares of the picture's height at the target.
 struct ShadeOptions {
@@ -21,9 +21,13 @@ struct ShadeOptions {
   double occlusion_radius = 0.0;  // how far it reaches, world units; 0: 1/14 of the height
 };
 
-/// Adds R, G, B (linear, premultiplied by A) from A, Z, P, N and, where present, rest, back, wire and shadow: a soft
-/// key light from the upper left of the camera, a fill light, a sky, a rim light and ambient occlusion. Deterministic.
-/// Throws InputError: channel missing, bad camera; std::invalid_argument when camera and image differ in size.
+/// The side of a checker or of the coarsest noise that the options mean, world units.
+double pattern_size(const ShadeOptions& options, const Camera& camera);
+
+/// Adds R, G, B (linear, premultiplied by A) from A, Z, P, N and, where present, rest, back, wire, noise (else it is
+/// computed here) and shadow: a soft key light from the upper left of the camera, a fill light, a sky, a rim light and
+/// ambient occlusion. Deterministic. Throws InputError: channel missing, bad camera; std::invalid_argument when camera
+/// and image differ in size.
 void shade(Image& image, const Camera& camera, const ShadeOptions& options = {});
 
 }  // namespace isoskin

@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <unordered_map>
+#include <utility>
 
+#include "core/field/blend_graph.h"
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
 
@@ -82,9 +85,7 @@ public:
   }
 
   /// Whether some elements reach so far only that leaving them out is exact.
-  bool worthwhile() const {
-    return std::any_of(field_.elements().begin(), field_.elements().end(), is_compact);
-  }
+  bool worthwhile() const { return std::any_of(field_.elements().begin(), field_.elements().end(), is_compact); }
 
   void narrow(std::vector<SurfaceBox>& boxes) {
     std::vector<std::vector<Index>> near(boxes.size());
@@ -97,7 +98,7 @@ public:
     for (std::size_t b = 0; b < boxes.size(); ++b) boxes[b].field = part(near[b]);
   }
 
-  std::vector<std::unique_ptr<const Field>> take() { return std::move(owned_); }
+  std::vector<std::shared_ptr<const Field>> take() { return std::move(owned_); }
 
 private:
   const Field* part(const std::vector<Index>& elements) {
@@ -105,7 +106,7 @@ private:
     if (!made) {
       std::vector<SkeletonElement> kept;
       for (const Index e : elements) kept.push_back(field_.elements()[e]);
-      made = owned_.emplace_back(std::make_unique<SkeletonField>(std::move(kept), field_.iso())).get();
+      made = owned_.emplace_back(std::make_shared<SkeletonField>(std::move(kept), field_.iso())).get();
       elements_[made] = elements;
     }
     return made;
@@ -113,7 +114,7 @@ private:
 
   const SkeletonField& field_;
   std::vector<SkeletonField> single_;
-  std::vector<std::unique_ptr<const Field>> owned_;
+  std::vector<std::shared_ptr<const Field>> owned_;
   std::map<std::vector<Index>, const Field*> made_;
   std::unordered_map<const Field*, std::vector<Index>> elements_;  // looked up only, never walked
 };
@@ -155,7 +156,61 @@ SurfaceBoxes skeleton_boxes(const SkeletonField& field, const SurfaceBoxOptions&
   return out;
 }
 
+std::vector<SkeletonElement> felt(const SkeletonField& field, const Box& box) {
+  std::vector<SkeletonElement> elements;
+  for (const SkeletonElement& e : field.elements()) {
+    const Interval f = SkeletonField({e}, 0.0).range(box);
+    if (f.low != 0.0 || f.high != 0.0) elements.push_back(e);
+  }
+  return elements;
+}
+
+/// F on the box, of the elements felt there.
+std::shared_ptr<const Field> narrowed(const Field& field, const Box& box) {
+  if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field))
+    return std::make_shared<SkeletonField>(felt(*skeleton, box), skeleton->iso());
+  const auto& blend = dynamic_cast<const BlendGraphField&>(field);
+  std::vector<SkeletonElement> elements;
+  std::vector<std::vector<Index>> groups;
+  bool silent = false;  // groups of which none is felt are alike
+  for (const SkeletonField& group : blend.groups()) {
+    const std::vector<SkeletonElement> members = felt(group, box);
+    if (members.empty() && std::exchange(silent, true)) continue;
+    groups.emplace_back(members.size());
+    std::iota(groups.back().begin(), groups.back().end(), Index(elements.size()));
+    elements.insert(elements.end(), members.begin(), members.end());
+  }
+  return blended(std::move(elements), blend.groups().front().iso(), groups);
+}
+
 }  // namespace
+
+SurfaceBoxes seed_boxes(const Field& field, const Seeds& seeds) {
+  SurfaceBoxes out;
+  for (const Box& box : seeds.boxes()) {
+    if (box.empty()) continue;
+    out.owned.push_back(narrowed(field, box));
+    out.boxes.push_back({box, out.owned.back().get()});
+  }
+  out.side = kDefaultShare * field.bounds().diagonal();
+  return out;
+}
+
+std::size_t element_count(const Field& field) {
+  if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) return skeleton->elements().size();
+  std::size_t count = 0;
+  if (const auto* blend = dynamic_cast<const BlendGraphField*>(&field))
+    for (const SkeletonField& group : blend->groups()) count += group.elements().size();
+  return count;
+}
+
+SurfaceBoxes main_box(const Field& field) {
+  SurfaceBoxes out;
+  const Box bounds = field.bounds();
+  if (!bounds.empty()) out.boxes.push_back({bounds, &field});
+  out.side = kDefaultShare * bounds.diagonal();
+  return out;
+}
 
 SurfaceBoxes surface_boxes(const Field& field, const SurfaceBoxOptions& options) {
   if (const auto* grid = dynamic_cast<const GridField*>(&field)) return grid_boxes(*grid);

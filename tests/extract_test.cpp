@@ -1,5 +1,6 @@
 // `isoskin extract` and `track --start`, from outside.
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "core/io/ply.h"
 #include "core/mesh/validate.h"
@@ -39,6 +40,21 @@ TEST_F(Extract, EveryMethodWritesACertifiedClosedMeshOfTwoBalls) {
     EXPECT_EQ(extract(method, "again.ply", {"--threads", "1"}).status, 0);
     EXPECT_EQ(test::read_text(folder_ / (method + ".ply")), test::read_text(folder_ / "again.ply"));
   }
+}
+
+TEST_F(Extract, JsonIsOneLineOfWhatTheTextSays) {
+  const Ran ran = extract("marching-cubes", "json.ply", {"--json"});
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_EQ(std::count(ran.out.begin(), ran.out.end(), '\n'), 1) << ran.out;
+  const auto line = nlohmann::json::parse(ran.out);
+  const PlyMesh ply = read_ply(folder_ / "json.ply");
+  EXPECT_EQ(line.at("triangles"), ply.mesh.triangle_count());
+  EXPECT_EQ(line.at("vertices"), ply.mesh.vertex_count());
+  EXPECT_EQ(line.at("euler"), 4);
+  EXPECT_EQ(line.at("pieces"), 2);
+  EXPECT_EQ(line.at("certified"), true);
+  EXPECT_EQ(line.at("edge_length"), 0.2);
+  EXPECT_NEAR(line.at("angles").at("mean").get<double>(), shape_statistics(ply.mesh).mean_angle, 1e-3);
 }
 
 TEST_F(Extract, AMeshStartsTrackingWithItsIdsAndRestPositions) {

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "render/gl_context.h"
+#include "render/perlin.h"
 #include "tests/test_meshes.h"
 
 using namespace isoskin;
@@ -182,6 +183,32 @@ TEST(Rasterize, WireIsTheDistanceToTheNearestEdgeInPixels) {
     }
   }
   EXPECT_NEAR(static_cast<double>(covered), 0.5 * 160 * 160, 320.0);
+}
+
+TEST(Rasterize, NoiseIsPerlinsOfTheRestPosition) {
+  EXPECT_NEAR(perlin_noise(Vec3(3.14f, 42.0f, 7.0f)), 0.13691995878400012, 1e-6);  // of Perlin's own program in doubles
+  for (const Vec3& p : {Vec3(0.0f), Vec3(-3.0f, 17.0f, 300.0f)}) EXPECT_EQ(perlin_noise(p), 0.0f);
+  EXPECT_NEAR(perlin_noise({-0.3f, 0.6f, 1.2f}), perlin_noise({255.7f, 0.6f, -254.8f}), 1e-4f);
+
+  TriangleMesh mesh = test_meshes::icosphere(4);
+  for (Vec3& rest : mesh.vertices.rest) rest = 3.0f * rest - Vec3(0.4f, 7.0f, 0.1f);
+  const Camera camera = frame_box({DVec3(-1.0), DVec3(1.0)}, 96, 72);
+  constexpr double kSize = 0.37;
+  const Image image = rasterize(mesh, {}, camera, {.noise_size = kSize});
+  const VectorChannels rest(image, "rest");
+  std::size_t seen = 0, dark = 0, light = 0;
+  for (std::size_t pixel = 0; pixel < image.pixels(); ++pixel) {
+    if (image.at("A")[pixel] == 0.0f) continue;
+    const float expected = fractal_noise(static_cast<float>(1.0 / kSize) * rest[pixel]);
+    ASSERT_NEAR(image.at("noise")[pixel], expected, 1e-3f) << pixel;
+    ++seen;
+    dark += expected < 0.25f;
+    light += expected > 0.75f;
+  }
+  EXPECT_GT(seen, 1000u);
+  EXPECT_GT(dark, seen / 10);
+  EXPECT_GT(light, seen / 10);
+  EXPECT_FALSE(rasterize(mesh, {}, camera).has("noise"));
 }
 
 TEST(Rasterize, FlippedTrianglesAreSeenFromBehind) {

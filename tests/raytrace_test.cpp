@@ -8,6 +8,7 @@
 #include <cmath>
 #include <random>
 
+#include "core/field/blend_graph.h"
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
 #include "render/rasterize.h"
@@ -267,6 +268,41 @@ TEST(Raytrace, SkeletonsLookTheSameWholeAndInParts) {
     ASSERT_NEAR(parts.at("Z")[pixel], whole.at("Z")[pixel], 1e-5);
   }
   expect_first_hits(field, camera, parts, field.bounds(), 2e-3);
+}
+
+// Desbrun, Tsingos and Gascuel 1995, section 5: the boxes of the seeds find the same surface as the main box, and ask
+// fewer elements, as each box holds those that are felt there.
+TEST(Raytrace, BoxesOfSeedsSaveEvaluations) {
+  std::vector<SkeletonElement> chain;
+  std::vector<BlendEdge> blend;
+  for (int i = 0; i < 10; ++i) {
+    const DVec3 a(std::cos(0.7 * i), std::sin(0.7 * i), 0.15 * i - 0.8);
+    chain.push_back({a, i % 3 ? a : a + DVec3(0.3, 0, 0.3), 0.5, 1.0, 2.0, Potential::metaball});
+    if (i > 0) blend.push_back({Index(i - 1), Index(i)});
+  }
+  chain[4].shape = Shape::triangle;
+  chain[4].b = chain[4].a + DVec3(0.2, 0.0, 0.1);
+  chain[4].c = chain[4].a + DVec3(0.0, 0.2, 0.0);
+  const std::vector<std::shared_ptr<const Field>> fields{std::make_shared<SkeletonField>(chain, 0.2),
+                                                         blended(chain, 0.2, blend_groups(chain.size(), blend))};
+  for (const std::shared_ptr<const Field>& field : fields) {
+    const Camera camera = frame_box(field->bounds(), 64, 48);
+    Seeds seeds({.spacing = 0.08});
+    const auto backend = make_reference_backend();
+    backend->set_field(field);
+    seeds.move_to(skeleton_parts(*field), *backend);
+    const SurfaceBoxes local = seed_boxes(*field, seeds);
+    EXPECT_EQ(local.boxes.size(), chain.size());
+    for (const SurfaceBox& b : local.boxes) EXPECT_LT(skeleton_parts(*b.field).elements->size(), chain.size());
+    const Raytraced by_seeds = raytrace(*field, local, camera), by_main = raytrace(*field, main_box(*field), camera);
+    EXPECT_GT(by_main.report.hits, 300u);
+    EXPECT_EQ(by_seeds.image.at("A"), by_main.image.at("A"));
+    for (std::size_t pixel = 0; pixel < by_main.image.pixels(); ++pixel)
+      if (by_main.image.at("A")[pixel] > 0.0f) {
+        ASSERT_NEAR(by_seeds.image.at("Z")[pixel], by_main.image.at("Z")[pixel], 1e-4);
+      }
+    EXPECT_LT(by_seeds.report.elements, by_main.report.elements * 9 / 10);
+  }
 }
 
 TEST(Raytrace, FromInsideTheSurfaceIsSeenFromBehind) {

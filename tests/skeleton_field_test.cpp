@@ -7,6 +7,8 @@
 #include <functional>
 #include <random>
 
+#include "core/field/field_changes.h"
+
 namespace isoskin {
 namespace {
 
@@ -407,6 +409,24 @@ TEST(SkeletonField, ContinuityOfSecondDerivativesIsReported) {
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 2.0, Potential::metaball, Shape::triangle, x}));
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 1.0, Potential::inverse_square}));
   EXPECT_FALSE(is_c2({o, o, 1.0, 1.0, 4.0, Potential::blinn}));
+}
+
+TEST(SkeletonField, ChangesOfAnyCornerAreSeen) {
+  SkeletonElement box;
+  box.shape = Shape::box;
+  box.b = DVec3(1.0, 0.0, 0.0);
+  box.c = DVec3(0.0, 1.0, 0.0);
+  box.d = DVec3(0.0, 0.0, 1.0);
+  const SkeletonField before({{}, box}, 0.2);
+  EXPECT_TRUE(changes_between(before, SkeletonField({{}, box}, 0.2)).box.empty());
+  for (DVec3 SkeletonElement::*corner : {&SkeletonElement::b, &SkeletonElement::c, &SkeletonElement::d}) {
+    SkeletonElement longer = box;
+    longer.*corner *= 2.0;
+    EXPECT_EQ(changes_between(before, SkeletonField({{}, longer}, 0.2)).box.size(), 2u);
+  }
+  SkeletonElement triangle = box;
+  triangle.shape = Shape::triangle;
+  EXPECT_EQ(changes_between(before, SkeletonField({{}, triangle}, 0.2)).box.size(), 2u);
 }
 
 TEST(SkeletonField, RejectsBadElements) {

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <tuple>
 
 #include <tbb/parallel_for.h>
 
@@ -86,18 +85,11 @@ FieldChanges changes_between(const BrickGrid& before, const BrickGrid& after) {
   return changes;
 }
 
-bool same(const SkeletonElement& a, const SkeletonElement& b) {
-  const auto all = [](const SkeletonElement& e) {
-    return std::tie(e.a.x, e.a.y, e.a.z, e.b.x, e.b.y, e.b.z, e.radius, e.weight, e.norm, e.potential);
-  };
-  return all(a) == all(b);
-}
-
 FieldChanges changes_between(const SkeletonField& before, const SkeletonField& after) {
   FieldChanges changes;
   changes.everywhere = before.iso() != after.iso() || before.elements().size() != after.elements().size();
   for (std::size_t i = 0; i < after.elements().size() && !changes.everywhere; ++i) {
-    if (same(before.elements()[i], after.elements()[i])) continue;
+    if (before.elements()[i] == after.elements()[i]) continue;
     for (const Box& support : {before.support(i), after.support(i)}) {
       changes.everywhere |= !std::isfinite(support.diagonal());
       changes.box.push_back(support);
