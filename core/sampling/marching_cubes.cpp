@@ -391,8 +391,8 @@ void find_parts(const BrickLattice& lattice, LatticeTopology& before, LatticeTop
       return;
     }
     t.parts[b] = std::move(before.parts[old]);
-    std::copy_n(&before.crossing_point[before.crossings[old].first], t.parts[b].of_crossing.size(),
-                &t.crossing_point[t.crossings[b].first]);
+    std::copy_n(before.crossing_point.begin() + before.crossings[old].first, t.parts[b].of_crossing.size(),
+                t.crossing_point.begin() + t.crossings[b].first);
   });
 }
 
