@@ -118,7 +118,8 @@ void add_rays(Page& page) {
       "points, and of bounds over pieces of rays) the elements that each asks: all of them in the main box, those "
       "felt there in a seeds' box. Local boxes overlap, so there are more evaluations, each cheaper by the length of "
       "its "
-      "list. isoskin's own reference pictures bisect space further, and hold the surface for certain; pixels that the "
+      "list; where nearly all elements are felt everywhere (solids.toml) that is a loss. isoskin's own reference "
+      "pictures bisect space further, and hold the surface for certain; pixels that the "
       "others see differently are counted.\n\n"
       "| scene, elements | boxes | pixels hit | evaluations | of bounds | elements asked | share of the main box's | "
       "pixels that differ |\n|---|---|---|---|---|---|---|---|\n");
