@@ -60,6 +60,19 @@ double share_surviving(const std::vector<Index>& before, const std::vector<Index
   return before.empty() ? 1.0 : double(both.size()) / double(before.size());
 }
 
+/// Of the triangles with wanted(corners).
+template <class Wanted>
+double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
+  double area = 0.0;
+  for (Index h = 0; h < mesh.vertex.size(); h += 3) {
+    const Index* corner = &mesh.vertex[h];
+    if (!wanted(corner)) continue;
+    const Vec3& a = mesh.position(corner[0]);
+    area += 0.5 * double(glm::length(glm::cross(mesh.position(corner[1]) - a, mesh.position(corner[2]) - a)));
+  }
+  return area;
+}
+
 /// How many are in all three; `some` ascending, perhaps repeating, the others strictly.
 std::size_t count_in_all(const std::vector<Index>& a, const std::vector<Index>& b, std::vector<Index> some) {
   some.erase(std::unique(some.begin(), some.end()), some.end());
@@ -575,24 +588,12 @@ double Tracker::share_renewed(Index first_new) const {
     const Index id = mesh_.vertices.id[v];
     return id >= first_new || std::binary_search(inherited_.begin(), inherited_.end(), id);
   };
-  double area = 0.0;
-  for (Index h = 0; h < mesh_.vertex.size(); h += 3) {
-    const Index a = mesh_.vertex[h], b = mesh_.vertex[h + 1], c = mesh_.vertex[h + 2];
-    if (!renewed(a) && !renewed(b) && !renewed(c)) continue;
-    area +=
-        0.5 *
-        double(glm::length(glm::cross(mesh_.position(b) - mesh_.position(a), mesh_.position(c) - mesh_.position(a))));
-  }
-  return share_of_area(area);
+  return share_of_area(area_where(
+      mesh_, [&](const Index* corner) { return renewed(corner[0]) || renewed(corner[1]) || renewed(corner[2]); }));
 }
 
 double Tracker::share_of_area(double part) const {
-  double whole = 0.0;
-  for (Index h = 0; h < mesh_.vertex.size(); h += 3) {
-    const Vec3 &a = mesh_.position(mesh_.vertex[h]), &b = mesh_.position(mesh_.vertex[h + 1]),
-               &c = mesh_.position(mesh_.vertex[h + 2]);
-    whole += 0.5 * double(glm::length(glm::cross(b - a, c - a)));
-  }
+  const double whole = area_where(mesh_, [](const Index*) { return true; });
   return whole > 0.0 ? std::min(1.0, part / whole) : 0.0;
 }
 

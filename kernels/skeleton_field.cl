@@ -101,6 +101,16 @@ INLINE Profile profile(const SkeletonElement e, vfloat s) {
   return f;
 }
 
+// Of a Euclidean distance; `x` is p minus the nearest point.
+INLINE Profile add_value_and_gradient(const SkeletonElement e, vec3v x, SkeletonSum* sum) {
+  const Profile f = profile(e, dot3(x, x));
+  sum->value += f.value;
+  sum->g.x = MUL_ADD(f.slope, x.x, sum->g.x);
+  sum->g.y = MUL_ADD(f.slope, x.y, sum->g.y);
+  sum->g.z = MUL_ADD(f.slope, x.z, sum->g.z);
+  return f;
+}
+
 // Orthonormal directions along which an element's nearest point follows p; zero where there are none.
 typedef struct {
   vec3v a;
@@ -259,11 +269,7 @@ INLINE void add_solid(const SkeletonElement e, const SkeletonSolid s, vec3v x, i
     return;
   }
 #endif
-  const Profile f = profile(e, dot3(x, x));
-  sum->value += f.value;
-  sum->g.x = MUL_ADD(f.slope, x.x, sum->g.x);
-  sum->g.y = MUL_ADD(f.slope, x.y, sum->g.y);
-  sum->g.z = MUL_ADD(f.slope, x.z, sum->g.z);
+  const Profile f = add_value_and_gradient(e, x, sum);
   if (!with_hessian) return;
   // 4 f'' x x^T + 2 f' (I - the slides' squares).
   const vec3v ones = across((vec3v){1.0f, 0.0f, 0.0f}, slides), twos = across((vec3v){0.0f, 1.0f, 0.0f}, slides),
@@ -303,11 +309,7 @@ INLINE void add_element(FIELD_PARAMS, uint at, vec3v p, int with_hessian, Skelet
     return;
   }
 #endif
-  const Profile f = profile(e, dot3(x, x));
-  sum->value += f.value;
-  sum->g.x = MUL_ADD(f.slope, x.x, sum->g.x);
-  sum->g.y = MUL_ADD(f.slope, x.y, sum->g.y);
-  sum->g.z = MUL_ADD(f.slope, x.z, sum->g.z);
+  const Profile f = add_value_and_gradient(e, x, sum);
   if (!with_hessian) return;
   // 4 f'' x x^T + 2 f' (I - slide slide^T): x is normal to the segment already.
   const vfloat slid = f.slope * inside * e.over_length2;

@@ -5,6 +5,7 @@
 
 #include "core/mesh/edit.h"
 #include "core/mesh/independent_edits.h"
+#include "core/mesh/one_ring.h"
 #include "core/mesh/small_pieces.h"
 #include "core/parallel.h"
 
@@ -25,15 +26,6 @@ constexpr float kLeastGain = 0.05f;     // a flip must pay, or rounding would fl
 
 float squared(const Vec3& v) {
   return glm::dot(v, v);
-}
-
-template <class Visit>
-void for_each_leaving(const TriangleMesh& mesh, Index h, const Visit& visit) {
-  Index k = h;
-  do {
-    visit(k);
-    k = mesh.turn(k);
-  } while (k != h);
 }
 
 /// What splits and collapses ask about an edge.

@@ -6,6 +6,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "core/mesh/one_ring.h"
+
 namespace isoskin {
 namespace {
 
@@ -73,13 +75,10 @@ std::size_t best_rotation(const std::vector<Group>& a, const std::vector<Group>&
 /// The triangles about the vertices of a border that are not in `erased`.
 void add_outer_fans(const TriangleMesh& mesh, const std::vector<Index>& border, const std::unordered_set<Index>& erased,
                     std::set<Index>& fans) {
-  for (const Index start : border) {
-    Index h = start;
-    do {
+  for (const Index start : border)
+    for_each_leaving(mesh, start, [&](Index h) {
       if (!erased.count(TriangleMesh::triangle(h))) fans.insert(TriangleMesh::triangle(h));
-      h = mesh.turn(h);
-    } while (h != start);
-  }
+    });
 }
 
 /// The one border of a disc; empty for anything else.

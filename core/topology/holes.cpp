@@ -4,6 +4,7 @@
 #include <limits>
 #include <unordered_map>
 
+#include "core/mesh/one_ring.h"
 #include "core/topology/point_grid.h"
 
 namespace isoskin {
@@ -42,16 +43,9 @@ std::vector<std::uint8_t> removed_triangles(const TriangleMesh& mesh, const std:
     widened = false;
     for (Index v = 0; v < mesh.vertex_count(); ++v) {
       int changes = 0;
-      Index h = outgoing[v];
-      do {
-        changes += removed[h / 3] != removed[mesh.twin[h] / 3];
-        h = mesh.turn(h);
-      } while (h != outgoing[v]);
+      for_each_leaving(mesh, outgoing[v], [&](Index h) { changes += removed[h / 3] != removed[mesh.twin[h] / 3]; });
       if (changes <= 2) continue;
-      do {
-        removed[h / 3] = 1;
-        h = mesh.turn(h);
-      } while (h != outgoing[v]);
+      for_each_leaving(mesh, outgoing[v], [&](Index h) { removed[h / 3] = 1; });
       widened = true;
     }
   }

@@ -2,28 +2,19 @@
 
 #include <algorithm>
 
+#include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 
 namespace isoskin {
 namespace {
 
-/// The halfedges that leave the start of h, in order about it.
-template <class Visit>
-void around(const TriangleMesh& mesh, Index h, const Visit& visit) {
-  Index k = h;
-  do {
-    visit(k);
-    k = mesh.turn(k);
-  } while (k != h);
-}
-
 bool on_neck(const TriangleMesh& mesh, Index leaving) {
   std::vector<Index> ring;
-  around(mesh, leaving, [&](Index k) { ring.push_back(mesh.to(k)); });
+  for_each_leaving(mesh, leaving, [&](Index k) { ring.push_back(mesh.to(k)); });
   bool found = false;
-  around(mesh, leaving, [&](Index k) {
+  for_each_leaving(mesh, leaving, [&](Index k) {
     const Index left = mesh.from(TriangleMesh::prev(k)), right = mesh.to(TriangleMesh::next(mesh.twin[k]));
-    around(mesh, mesh.twin[k], [&](Index g) {
+    for_each_leaving(mesh, mesh.twin[k], [&](Index g) {
       const Index w = mesh.to(g);
       found |= w != left && w != right && std::find(ring.begin(), ring.end(), w) != ring.end();
     });

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
 #include "core/topology/point_grid.h"
@@ -74,13 +75,11 @@ void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
   while (!front.empty()) {
     const Index start = outgoing[front.back()];
     front.pop_back();
-    Index h = start;
-    do {
+    for_each_leaving(mesh, start, [&](Index h) {
       const Index to = mesh.to(h);
       if (scene.folded[to] && !hot[to]) front.push_back(to);
       hot[to] |= scene.folded[to];
-      h = mesh.turn(h);
-    } while (h != start);
+    });
   }
 }
 
@@ -258,15 +257,11 @@ void coarsen(TriangleMesh& mesh, Index first_new, const ReskinOptions& options) 
   for (int pass = 0; pass < options.collapse_passes; ++pass) alter(mesh, options.alter, {}, frozen);
 }
 
-double area_of_new(const TriangleMesh& mesh, Index first_new, std::size_t& triangles) {
-  double area = 0.0;
-  for (Index h = 0; h < mesh.vertex.size(); h += 3) {
-    const Index a = mesh.vertex[h], b = mesh.vertex[h + 1], c = mesh.vertex[h + 2];
-    if (a < first_new && b < first_new && c < first_new) continue;
-    ++triangles;
-    area += 0.5 * glm::length(glm::cross(mesh.position(b) - mesh.position(a), mesh.position(c) - mesh.position(a)));
-  }
-  return area;
+std::size_t count_new(const TriangleMesh& mesh, Index first_new) {
+  std::size_t triangles = 0;
+  for (Index h = 0; h < mesh.vertex.size(); h += 3)
+    triangles += mesh.vertex[h] >= first_new || mesh.vertex[h + 1] >= first_new || mesh.vertex[h + 2] >= first_new;
+  return triangles;
 }
 
 }  // namespace
@@ -293,7 +288,7 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
   report.first_new_vertex = tried.weld->first_new_vertex;
   const TriangleMesh old = std::move(mesh);
   mesh = std::move(tried.weld->mesh);
-  report.area = area_of_new(mesh, report.first_new_vertex, report.triangles_added);
+  report.triangles_added += count_new(mesh, report.first_new_vertex);
   traced("coarsen", [&] { coarsen(mesh, report.first_new_vertex, options); });
   if (options.carry) traced("carry", [&] { carry_attributes(mesh, report.first_new_vertex, old, backend); });
   return report;

@@ -33,7 +33,6 @@ struct ReskinReport {
   std::size_t triangles_added = 0;
   std::size_t holes_given_up = 0;  // their seams would not close; the mesh there is as it was
   std::size_t holes_alike = 0;     // left as they were because the lattice has the same topology there
-  double area = 0.0;               // of the new triangles before they are coarsened, world units^2
   Index first_new_vertex = 0;      // vertices from here on are new: age 1
 };
 
