@@ -12,8 +12,11 @@
 #include <png.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <map>
+#include <optional>
 
 #include "core/io/ply.h"
 
@@ -61,6 +64,35 @@ Imf::Slice slice(std::vector<float>& data, const Imath::Box2i& window, int width
 float srgb(float linear) {
   const float x = std::clamp(linear, 0.0f, 1.0f);
   return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
+}
+
+/// The distinct colours of a picture, 3 bytes each, and which of them each pixel has.
+struct Palette {
+  std::vector<png_byte> colors, index;
+};
+
+/// Of `rows` (3 bytes a pixel) rounded to `bits` a channel, 0 and 255 kept; nothing when a PNG's palette cannot hold
+/// it.
+std::optional<Palette> palette_of(const std::vector<png_byte>& rows, int bits) {
+  constexpr std::size_t kMost = 256;
+  const int most = (1 << bits) - 1;
+  Palette palette;
+  std::map<std::array<png_byte, 3>, png_byte> known;
+  for (std::size_t at = 0; at < rows.size(); at += 3) {
+    std::array<png_byte, 3> color;
+    for (int c = 0; c < 3; ++c) color[c] = png_byte((rows[at + c] * most + 127) / 255 * 255 / most);
+    const auto [entry, fresh] = known.try_emplace(color, png_byte(known.size()));
+    if (known.size() > kMost) return std::nullopt;
+    if (fresh) palette.colors.insert(palette.colors.end(), color.begin(), color.end());
+    palette.index.push_back(entry->second);
+  }
+  return palette;
+}
+
+Palette finest_palette(const std::vector<png_byte>& rows) {
+  for (int bits = 8; bits > 2; --bits)
+    if (std::optional<Palette> palette = palette_of(rows, bits)) return *std::move(palette);
+  return *palette_of(rows, 2);  // 64 colours
 }
 
 }  // namespace
@@ -156,14 +188,17 @@ void save_png(const std::filesystem::path& path, const Image& image, const PngOp
     }
   }
 
+  const Palette palette = options.palette ? finest_palette(rows) : Palette{};
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   png.width = image.width;
   png.height = image.height;
-  png.format = PNG_FORMAT_RGB;
+  png.format = !options.palette ? PNG_FORMAT_RGB : PNG_FORMAT_RGB_COLORMAP;
+  png.colormap_entries = png_uint_32(palette.colors.size() / 3);
   std::vector<char> bytes(PNG_IMAGE_PNG_SIZE_MAX(png));
   png_alloc_size_t size = bytes.size();
-  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, rows.data(), 0, nullptr)) {
+  const png_byte* pixels = !options.palette ? rows.data() : palette.index.data();
+  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, pixels, 0, palette.colors.data())) {
     throw InputError(fmt::format("{}: cannot encode as PNG: {}", path.string(), png.message));
   }
   bytes.resize(size);

@@ -57,6 +57,7 @@ Image load_exr(const std::filesystem::path& path);
 struct PngOptions {
   std::array<float, 3> top{0.235f, 0.275f, 0.325f};     // linear colour behind the picture at its top
   std::array<float, 3> bottom{0.035f, 0.040f, 0.050f};  // and at its bottom
+  bool palette = false;  // at most 256 colours, channels rounded to as many bits as that takes: a quarter the size
 };
 
 /// 8-bit sRGB picture of R, G, B (linear, premultiplied by A; opaque when there is no A) over a vertical gradient.

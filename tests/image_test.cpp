@@ -66,11 +66,12 @@ void write_bytes(const fs::path& path, const std::vector<char>& bytes) {
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
-std::vector<png_byte> read_png(const fs::path& path, int& width, int& height) {
+std::vector<png_byte> read_png(const fs::path& path, int& width, int& height, bool palette = false) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   EXPECT_TRUE(png_image_begin_read_from_file(&png, path.c_str())) << png.message;
-  EXPECT_EQ(png.format, static_cast<png_uint_32>(PNG_FORMAT_RGB));
+  EXPECT_EQ(png.format, static_cast<png_uint_32>(palette ? PNG_FORMAT_RGB_COLORMAP : PNG_FORMAT_RGB));
+  png.format = PNG_FORMAT_RGB;
   std::vector<png_byte> rows(PNG_IMAGE_SIZE(png));
   EXPECT_TRUE(png_image_finish_read(&png, nullptr, rows.data(), 0, nullptr)) << png.message;
   width = static_cast<int>(png.width);
@@ -155,6 +156,28 @@ TEST_F(ImageFiles, PngShowsLinearColourOverTheGradient) {
   // sRGB of 0.5, 0.6 = 0.75 * 0.8, 0.3, 0.15 from the standard's table.
   const std::vector<png_byte> expected{188, 0, 0, 255, 255, 255, 203, 149, 0, 149, 108, 0};
   EXPECT_EQ(rows, expected);
+  save_png(folder_ / "b.png", image, {.top = {0.0f, 0.0f, 0.0f}, .bottom = {0.8f, 0.4f, 0.0f}, .palette = true});
+  EXPECT_EQ(read_png(folder_ / "b.png", width, height, true), expected);  // five colours: none is rounded
+}
+
+TEST_F(ImageFiles, PalettesHoldPicturesOfAllColours) {
+  Image image{64, 64, {}};
+  for (const char* name : {"R", "G", "B"}) image.add(name);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    image.at("R")[i] = float(i % 64) / 63.0f;
+    image.at("G")[i] = float(i / 64) / 63.0f;
+    image.at("B")[i] = float(i * 37 % 101) / 100.0f;
+  }
+  save_png(folder_ / "full.png", image);
+  save_png(folder_ / "palette.png", image, {.palette = true});
+  int width = 0, height = 0;
+  const auto full = read_png(folder_ / "full.png", width, height),
+             few = read_png(folder_ / "palette.png", width, height, true);
+  ASSERT_EQ(full.size(), few.size());
+  int worst = 0;
+  for (std::size_t i = 0; i < full.size(); ++i) worst = std::max(worst, std::abs(int(full[i]) - int(few[i])));
+  EXPECT_LE(worst, 43);  // 2 bits at least: half of 255 / 3
+  EXPECT_GT(worst, 0);
 }
 
 TEST(Image, DownsampleAveragesColourAndCoverage) {

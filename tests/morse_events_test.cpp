@@ -12,55 +12,15 @@
 #include "core/field/skeleton_field.h"
 #include "core/tracker.h"
 #include "tests/digital_topology.h"
+#include "tests/morse_scenes.h"
 #include "tests/random_rotation.h"
 #include "tests/sanitized.h"
 
 namespace isoskin {
 namespace {
 
-SkeletonElement ball(const DVec3& center, double radius, double weight = 1.0) {
-  SkeletonElement e;
-  e.a = e.b = center;
-  e.radius = radius;
-  e.weight = weight;
-  return e;
-}
-
-/// A scene whose one critical point near the origin crosses zero at q = 0, rising with q.
-struct Scene {
-  const char* rising;
-  const char* falling;
-  std::vector<SkeletonElement> (*elements)(double q);
-  double iso;
-  double edge;  // e, world units: the droplets at the slowest speed must not fall between the certificate's corners
-};
-
-const Scene kScenes[4] = {
-    {"create", "destroy",
-     [](double q) {
-       const double w = (1.0 + 0.3 * q) * 0.3;
-       return std::vector<SkeletonElement>{ball({0, 0, 0}, 1.0, w), ball({0.3, 0.1, 0}, 0.8, 0.7 * w)};
-     },
-     0.46437, 0.14},
-    {"connect", "cut",
-     [](double q) {
-       const double d = 0.7 - 0.06 * q;
-       return std::vector<SkeletonElement>{ball({-d, 0, 0}, 1.0), ball({d, 0, 0}, 1.0)};
-     },
-     0.265302, 0.15},
-    {"spackle", "pierce",
-     [](double q) {
-       const double w = 0.7 - 0.3 * q;
-       return std::vector<SkeletonElement>{ball({0, 0, 0}, 3.0), ball({0, 0, 0.7}, 1.0, -w),
-                                           ball({0, 0, -0.7}, 1.0, -w)};
-     },
-     0.8142886, 0.14},
-    {"burst_bubble", "open_bubble",
-     [](double q) {
-       return std::vector<SkeletonElement>{ball({0, 0, 0}, 2.0), ball({0, 0, 0}, 1.0, -0.6 + 0.15 * q)};
-     },
-     0.4, 0.18},
-};
+using test::kMorseScenes;
+using test::MorseScene;
 
 DMat3 rotation(int number) {
   std::mt19937 random{unsigned(number)};
@@ -72,15 +32,16 @@ double q_at(int frame, double speed, bool rising) {
   return (rising ? 1.0 : -1.0) * (frame - 1.5) * speed;
 }
 
-std::shared_ptr<const SkeletonField> field_of(const Scene& scene, double q, const DMat3& turn, const DVec3& shift) {
+std::shared_ptr<const SkeletonField> field_of(const MorseScene& scene, double q, const DMat3& turn,
+                                              const DVec3& shift) {
   std::vector<SkeletonElement> elements = scene.elements(q);
   for (SkeletonElement& e : elements) e.a = e.b = turn * e.a + shift;
   return std::make_shared<SkeletonField>(elements, scene.iso);
 }
 
 /// Topology of the unturned scene by labelling; the same for every rotation.
-const DigitalTopology& oracle(const Scene& scene, double q) {
-  static std::map<std::pair<const Scene*, double>, DigitalTopology> known;
+const DigitalTopology& oracle(const MorseScene& scene, double q) {
+  static std::map<std::pair<const MorseScene*, double>, DigitalTopology> known;
   const auto [it, fresh] = known.try_emplace({&scene, q});
   if (fresh) {
     const auto field = field_of(scene, q, DMat3(1.0), DVec3(0.013, 0.007, -0.011));
@@ -113,7 +74,7 @@ struct Outcome {
   std::size_t inverted = 0, triangles = 0;
 };
 
-TrackOptions track_options(const Scene& scene, const Field& field) {
+TrackOptions track_options(const MorseScene& scene, const Field& field) {
   TrackOptions options;
   options.edge_length = scene.edge;
   options.validate = true;
@@ -122,13 +83,13 @@ TrackOptions track_options(const Scene& scene, const Field& field) {
 }
 
 /// The skin of the unturned scene, as a tracker settles it: every rotation begins with it.
-TriangleMesh first_skin(const Scene& scene, const std::shared_ptr<const SkeletonField>& field) {
+TriangleMesh first_skin(const MorseScene& scene, const std::shared_ptr<const SkeletonField>& field) {
   Tracker tracker(make_reference_backend(), track_options(scene, *field));
   tracker.advance({0, 0.0, field, nullptr});
   return tracker.mechanical();
 }
 
-Outcome follow(const Scene& scene, bool rising, double speed, int turn, TriangleMesh skin,
+Outcome follow(const MorseScene& scene, bool rising, double speed, int turn, TriangleMesh skin,
                const std::array<DigitalTopology, kFrames>& truth) {
   const DMat3 axes = rotation(turn);
   const DVec3 origin(0.013, 0.007, -0.011);
@@ -169,7 +130,7 @@ Outcome follow(const Scene& scene, bool rising, double speed, int turn, Triangle
 class MorseEvents : public testing::TestWithParam<int> {};
 
 TEST_P(MorseEvents, are_operated_on_in_every_rotation_at_every_speed) {
-  const Scene& scene = kScenes[GetParam() / 2];
+  const MorseScene& scene = kMorseScenes[GetParam() / 2];
   const bool rising = GetParam() % 2 == 0;
   std::array<std::array<DigitalTopology, kFrames>, kSpeeds.size()> truth;
   std::array<TriangleMesh, kSpeeds.size()> skin;
@@ -193,7 +154,7 @@ TEST_P(MorseEvents, are_operated_on_in_every_rotation_at_every_speed) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Tier1, MorseEvents, testing::Range(0, 8), [](const auto& which) {
-  const Scene& scene = kScenes[which.param / 2];
+  const MorseScene& scene = kMorseScenes[which.param / 2];
   return std::string(which.param % 2 == 0 ? scene.rising : scene.falling);
 });
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <glm/geometric.hpp>
 
@@ -56,25 +57,27 @@ void Drawing::bar(const dvec2& low, const dvec2& high, const Vec3& color) {
   cover(p, q, color, [&](const dvec2& x) { return std::min({x.x - p.x, q.x - x.x, x.y - p.y, q.y - x.y}) + 0.5; });
 }
 
-Image beside(const Image& a, const Image& b) {
-  Image both;
-  both.width = a.width + b.width;
-  both.height = std::max(a.height, b.height);
+Image contact_sheet(std::span<const Image> pictures, int columns) {
+  const int width = pictures.front().width, height = pictures.front().height;
+  const int rows = (int(pictures.size()) + columns - 1) / columns;
+  Image sheet;
+  sheet.width = columns * width;
+  sheet.height = rows * height;
   for (const char* name : kChannels) {
-    std::vector<float>& to = both.add(name, 1.0f);
-    int left = 0;
-    for (const Image* part : {&a, &b}) {
-      const std::vector<float>& from = part->at(name);
-      for (int y = 0; y < part->height; ++y)
-        for (int x = 0; x < part->width; ++x) {
-          const std::size_t i = std::size_t(y) * part->width + x;
-          const float paper = part->has("A") ? 1.0f - part->at("A")[i] : 0.0f;
-          to[std::size_t(y) * both.width + left + x] = from[i] + paper;
-        }
-      left += part->width;
+    std::vector<float>& to = sheet.add(name, 1.0f);
+    for (std::size_t p = 0; p < pictures.size(); ++p) {
+      const Image& part = pictures[p];
+      if (part.width != width || part.height != height)
+        throw std::invalid_argument("contact_sheet: pictures of different sizes");
+      const std::vector<float>& from = part.at(name);
+      const std::size_t corner = p / columns * height * std::size_t(sheet.width) + p % columns * std::size_t(width);
+      for (std::size_t i = 0; i < from.size(); ++i) {
+        const float paper = part.has("A") ? 1.0f - part.at("A")[i] : 0.0f;
+        to[corner + i / width * sheet.width + i % width] = from[i] + paper;
+      }
     }
   }
-  return both;
+  return sheet;
 }
 
 }  // namespace isoskin::papers

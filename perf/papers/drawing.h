@@ -1,7 +1,7 @@
 // Lines, discs and bars on white paper, for the figures of perf/papers.md.
 #pragma once
 
-#include <filesystem>
+#include <span>
 
 #include <glm/vec2.hpp>
 
@@ -34,7 +34,11 @@ private:
   Image image_;
 };
 
-/// Pictures side by side, their tops level, on white where they cover nothing.
-Image beside(const Image& a, const Image& b);
+/// Pictures of one size in rows of `columns`, on white where they cover nothing.
+Image contact_sheet(std::span<const Image> pictures, int columns);
+inline Image beside(const Image& a, const Image& b) {
+  const Image both[] = {a, b};
+  return contact_sheet(both, 2);
+}
 
 }  // namespace isoskin::papers

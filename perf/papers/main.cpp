@@ -13,14 +13,48 @@
 
 namespace isoskin::papers {
 
+namespace {
+
+constexpr int kAntialias = 2;
+
+struct View {
+  Camera camera;
+  Image image;
+};
+
+View view(const TriangleMesh& mesh, std::span<const Vec3> normals, const Box& box, const DVec3& from, int width,
+          int height, bool wire) {
+  View view{frame_box(box, kAntialias * width, kAntialias * height, {.from = from}), {}};
+  const std::vector<Vec3> own = normals.empty() ? area_weighted_normals(mesh) : std::vector<Vec3>{};
+  view.image = rasterize(mesh, normals.empty() ? own : normals, view.camera, {.wire = wire});
+  return view;
+}
+
+}  // namespace
+
 Image wire_picture(const TriangleMesh& mesh, const Box& box, const DVec3& from, int width, int height) {
-  constexpr int kAntialias = 2;
-  const Camera camera = frame_box(box, kAntialias * width, kAntialias * height, {.from = from});
-  Image image = rasterize(mesh, area_weighted_normals(mesh), camera, {.wire = true});
+  View v = view(mesh, {}, box, from, width, height, true);
   ShadeOptions options;
   options.wire_width = 0.8 * kAntialias;
-  shade(image, camera, options);
-  return downsample(image, kAntialias);
+  shade(v.image, v.camera, options);
+  return downsample(v.image, kAntialias);
+}
+
+Image plain_picture(const TriangleMesh& mesh, std::span<const Vec3> normals, const Box& box, const DVec3& from,
+                    int width, int height) {
+  View v = view(mesh, normals, box, from, width, height, false);
+  shade(v.image, v.camera);
+  return downsample(v.image, kAntialias);
+}
+
+Image colored_picture(const TriangleMesh& mesh, const Box& box, const DVec3& from, int width, int height) {
+  View v = view(mesh, {}, box, from, width, height, false);
+  ShadeOptions options;
+  options.color = options.back_color = DVec3(1.0);
+  shade(v.image, v.camera, options);
+  for (const auto& [channel, rest] : {std::pair("R", "rest.X"), {"G", "rest.Y"}, {"B", "rest.Z"}})
+    for (std::size_t i = 0; i < v.image.pixels(); ++i) v.image.at(channel)[i] *= v.image.at(rest)[i];
+  return downsample(v.image, kAntialias);
 }
 
 }  // namespace isoskin::papers
@@ -45,7 +79,7 @@ int main(int argc, char** argv) {
     papers::add_particles(page);
     papers::add_spring_lattice(page);
     papers::add_seeds(page);
-    papers::add_skins(page);
+    papers::add_skins(page);  // and, within, add_skin_figures() and add_fluid_figures()
     papers::add_rumiano(page);
     write_file_atomically(file, page.text);
   } catch (const std::exception& error) {

@@ -1,4 +1,4 @@
-// Rumiano 2007: figure 13, a texture that sticks through a split, and what swapping edges is worth.
+// Rumiano 2007: figures 9 to 13 and what swapping edges is worth.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -42,9 +42,8 @@ void add_split(Page& page) {
     for (const LedgerEntry& entry : tracker.ledger()) kinds += fmt::format(" {} (frame {})", entry.kind, frame);
     if (frame == 40 || frame == 56 || frame == 64) pictures.push_back(noise_picture(tracker.geometric(), box));
   }
-  page.add("## Rumiano 2007\n\n### Figure 13: two components split, Perlin noise by rest position\n\n");
-  page.picture("figure13", beside(beside(pictures[0], pictures[1]), pictures[2]),
-               "Frames 40, 56 and 64 of tests/data/two_points.toml");
+  page.add("### Figure 13: two components split, Perlin noise by rest position\n\n");
+  page.picture("figure13", contact_sheet(pictures, 3), "Frames 40, 56 and 64 of tests/data/two_points.toml");
   page.add(
       "`isoskin track tests/data/two_points.toml --frames 40:64 --edge-length 0.06 -o out`, then `isoskin render out "
       "--frame 64 "
@@ -229,6 +228,8 @@ void add_local(Page& page) {
 }  // namespace
 
 void add_rumiano(Page& page) {
+  page.add("## Rumiano 2007\n\n");
+  add_critical_figures(page);
   add_split(page);
   page.add(
       "### Edge swaps as stabilisation, measured against none\n\n"
