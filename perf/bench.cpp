@@ -1,10 +1,11 @@
 // isoskin-bench: isoskin and other meshers (perf/peers.h) interleaved in one process on the same frames; prints
 // Markdown.
-//   isoskin-bench [--threads N] [--frames N] [--repeat N] [--only WHO] SEQUENCE...
-// A sequence is a pattern, a folder or a scene (what `isoskin track` takes), or made:NAME (perf/made_inputs.h). Times
-// exclude reading and writing files; "end to end" is wall time with both. Medians over frames after the first, which
-// has nothing to track yet; every frame is done --repeat times from the same state, in turns, and its median counts.
-// Peak memory is of further processes that run one mesher alone (--only).
+//   isoskin-bench [--threads N] [--frames N] [--repeat N] [--angle D] [--sagitta S] [--only WHO] SEQUENCE...
+// --angle and --sagitta are those of `isoskin track`. A sequence is a pattern, a folder or a scene (what `isoskin
+// track` takes), or made:NAME (perf/made_inputs.h). Times exclude reading and writing files; "end to end" is wall time
+// with both. Medians over frames after the first, which has nothing to track yet; every frame is done --repeat times
+// from the same state, in turns, and its median counts. Peak memory is of further processes that run one mesher alone
+// (--only).
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -109,7 +110,8 @@ constexpr const char* kIsoskin = "isoskin";
 
 struct Options {
   int threads = 4, frames = 20, repeat = 9;
-  std::string only;  // one mesher's name; empty: all
+  std::optional<double> angle, sagitta;  // of isoskin's geometric mesh
+  std::string only;                      // one mesher's name; empty: all
 };
 
 /// A sequence and its meshers, with what they came to.
@@ -133,7 +135,8 @@ public:
     last_ = scene_.source->load(first);
     TrackOptions options;
     if (scene_.meshing.edge_length) options.edge_length = *scene_.meshing.edge_length;
-    options.sagitta = scene_.meshing.sagitta;
+    if (options_.angle) options.refine.angle = float(*options_.angle);
+    options.sagitta = options_.sagitta ? options_.sagitta : scene_.meshing.sagitta;
     Tracker tracker(make_opencl_backend(), resolved(options, *last_.field));
     tracker.advance(last_);
     for (int frame = first + 1; frame <= end; ++frame) run_frame(frame, tracker);
@@ -256,8 +259,11 @@ double peak_mib() {
 /// What peak_mib() is of a process that runs this mesher alone, once a frame.
 double peak_alone(const std::string& input, const Options& options, const std::string& who) {
   const std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
-  const std::string command = fmt::format("'{}' --threads {} --frames {} --repeat 1 --only '{}' '{}' 2>/dev/null",
-                                          program, options.threads, options.frames, who, input);
+  std::string refining;
+  if (options.angle) refining += fmt::format(" --angle {}", *options.angle);
+  if (options.sagitta) refining += fmt::format(" --sagitta {}", *options.sagitta);
+  const std::string command = fmt::format("'{}' --threads {} --frames {} --repeat 1{} --only '{}' '{}' 2>/dev/null",
+                                          program, options.threads, options.frames, refining, who, input);
   FILE* output = popen(command.c_str(), "r");
   double peak = 0.0;
   char line[4096];
@@ -287,15 +293,19 @@ private:
   std::filesystem::path path_;
 };
 
-int usage() {
+std::string usage() {
   std::string names, meshers = kIsoskin;
   for (const std::string& name : perf::made_inputs()) names += " made:" + name;
   for (const perf::Peer& peer : perf::peers()) meshers += ", " + peer.name;
-  std::fprintf(
-      stderr,
-      "isoskin-bench: expected [--threads N] [--frames N] [--repeat N] [--only WHO] SEQUENCE...; a sequence may "
-      "be one of%s; who: %s\n",
-      names.c_str(), meshers.c_str());
+  return fmt::format(
+      "[--threads N] [--frames N] [--repeat N] [--angle D] [--sagitta S] [--only WHO] SEQUENCE...; a sequence may be "
+      "one "
+      "of{}; who: {}",
+      names, meshers);
+}
+
+int unusable() {
+  std::fprintf(stderr, "isoskin-bench: expected %s\n", usage().c_str());
   return 2;
 }
 
@@ -335,18 +345,26 @@ int main(int argc, char** argv) {
   Options options;
   const std::map<std::string, int*> numbers{
       {"--threads", &options.threads}, {"--frames", &options.frames}, {"--repeat", &options.repeat}};
+  const std::map<std::string, std::optional<double>*> lengths{{"--angle", &options.angle},
+                                                              {"--sagitta", &options.sagitta}};
   std::vector<std::string> inputs;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
+    if (word == "--help") {
+      std::printf("isoskin-bench %s\n", usage().c_str());
+      return 0;
+    }
     const auto number = numbers.find(word);
     if (number != numbers.end() && i + 1 < argc)
       *number->second = std::atoi(argv[++i]);
+    else if (const auto length = lengths.find(word); length != lengths.end() && i + 1 < argc)
+      *length->second = std::atof(argv[++i]);
     else if (word == "--only" && i + 1 < argc)
       options.only = argv[++i];
     else
       inputs.push_back(word);
   }
-  if (inputs.empty() || options.threads < 1 || options.frames < 1 || options.repeat < 1) return usage();
+  if (inputs.empty() || options.threads < 1 || options.frames < 1 || options.repeat < 1) return unusable();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(options.threads));
   try {
     run(inputs, options);
@@ -355,6 +373,6 @@ int main(int argc, char** argv) {
     return 2;
   } catch (const std::invalid_argument& error) {
     std::fprintf(stderr, "isoskin-bench: %s\n", error.what());
-    return usage();
+    return unusable();
   }
 }

@@ -89,7 +89,7 @@ std::string write_metaballs(const std::filesystem::path& folder, int count) {
 }  // namespace
 
 const std::vector<std::string>& made_inputs() {
-  static const std::vector<std::string> names{"still", "moving", "wide", "metaballs1000"};
+  static const std::vector<std::string> names{"still", "moving", "wide", "wide2048", "wide4096", "metaballs1000"};
   return names;
 }
 
@@ -101,8 +101,13 @@ std::string make_input(const std::string& name, const std::filesystem::path& fol
     return write_frames(name, folder, count, [&](int frame) { return ball_on_ball(kTurn * frame, Vec3d(0.0)); });
   if (name == "moving")
     return write_frames(name, folder, count, [&](int frame) { return ball_on_ball(kTurn * frame, frame * step); });
-  if (name == "wide")
-    return write_frames(name, folder, count, [&](int frame) { return ring(1024.0, 12.0, frame * step); });
+  struct Ring {
+    const char* name;
+    double outer, tube;
+  };
+  for (const Ring& wide : {Ring{"wide", 1024.0, 12.0}, {"wide2048", 2048.0, 25.0}, {"wide4096", 4096.0, 125.0}})
+    if (name == wide.name)
+      return write_frames(name, folder, count, [&](int frame) { return ring(wide.outer, wide.tube, frame * step); });
   if (name == "metaballs1000") return write_metaballs(folder, count);
   throw std::invalid_argument("no such input: " + name);
 }
