@@ -13,6 +13,10 @@ Json point(const DVec3& p) {
   return Json::array({p.x, p.y, p.z});
 }
 
+Json or_null(const std::optional<std::size_t>& count) {
+  return count ? Json(*count) : Json();
+}
+
 /// The most memory this process has held so far.
 std::size_t peak_bytes() {
   rusage usage{};
@@ -38,7 +42,8 @@ Json to_json(const FrameReport& report, const Box& bounds) {
           {"certificate", report.certificate},
           {"inverted", report.inverted},
           {"quasi_critical", report.quasi_critical},
-          {"self_intersections", report.self_intersections ? Json(*report.self_intersections) : Json()},
+          {"self_intersections", or_null(report.geometric_intersections)},
+          {"mechanical_self_intersections", or_null(report.mechanical_intersections)},
           {"angles", angles(report.mechanical)},
           {"geometric_angles", angles(report.geometric)},
           {"bounds", bounds.empty() ? Json() : Json{point(bounds.low), point(bounds.high)}},

@@ -253,7 +253,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
-    report.self_intersections = count_self_intersections(mesh_);
+    report.geometric_intersections = count_self_intersections(geometric_.mesh);
+    report.mechanical_intersections = count_self_intersections(mesh_);
   }
   const std::vector<Index> after = sorted_ids(mesh_);
   report.survived = share_surviving(before, after);

@@ -45,10 +45,10 @@ struct TrackOptions {
   int rounds = 2;                 // alter + relax rounds of a frame
   int most_parts = 8;             // parts a frame is cut in where topology events are too near to each other
   Topology topology = Topology::automatic;
-  bool self_intersections = false;  // count them: 3 to 13 % of a frame
-  bool validate = false;            // check the manifold after every frame (always on in debug builds)
-  AlterOptions alter;               // edge_length and dt are filled in by resolved() and advance()
-  RelaxOptions relax;               // of fresh skin; edge_length is filled in
+  bool self_intersections = true;  // count them in both meshes
+  bool validate = false;           // check the manifold after every frame (always on in debug builds)
+  AlterOptions alter;              // edge_length and dt are filled in by resolved() and advance()
+  RelaxOptions relax;              // of fresh skin; edge_length is filled in
   // The skin that follows: one step of 14 iterations leaves the angles that two of 10 each leave.
   int follow_steps = 1, follow_iterations = 14;
   SleepOptions sleep;      // where the field stands still and there is no velocity grid
@@ -106,8 +106,8 @@ struct FrameReport {
   std::string certificate;  // one line, of the mesh before repairs
   ShapeStatistics mechanical, geometric;
   std::size_t inverted = 0, quasi_critical = 0;  // mechanical triangles and vertices at the end of the frame
-  // Overlapping pairs of mechanical triangles without a common vertex, when options.self_intersections.
-  std::optional<std::size_t> self_intersections;
+  // Overlapping pairs of triangles without a common vertex in either mesh, when options.self_intersections.
+  std::optional<std::size_t> geometric_intersections, mechanical_intersections;
   std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order
 };
 

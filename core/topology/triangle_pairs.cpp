@@ -1,13 +1,14 @@
 #include "core/topology/triangle_pairs.h"
 
 #include <algorithm>
+#include <atomic>
+#include <bit>
 #include <cmath>
+#include <numeric>
+#include <span>
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_reduce.h>
-#include <tbb/parallel_sort.h>
 
-#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/exact_sign.h"
 
@@ -94,11 +95,6 @@ FlatBox box_of(const TriangleMesh& mesh, Index t) {
   return {glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c)};
 }
 
-std::size_t count_of(const CellRange& r) {
-  const IVec3 n = r.high - r.low + 1;
-  return std::size_t(n.x) * std::size_t(n.y) * std::size_t(n.z);
-}
-
 Grid make_grid(const TriangleMesh& mesh, const std::vector<FlatBox>& box, double margin) {
   constexpr double kTrianglesAcross = 2.0, kMostCells = double(1 << 20);  // along an axis
   Box all;
@@ -122,27 +118,49 @@ Grid make_grid(const TriangleMesh& mesh, const std::vector<FlatBox>& box, double
 struct Entry {
   std::uint64_t cell;
   Index triangle;
-  auto operator<=>(const Entry&) const = default;
 };
 
 std::uint64_t key_of(const IVec3& c) {
   return std::uint64_t(c.x) << 42 | std::uint64_t(c.y) << 21 | std::uint64_t(c.z);
 }
 
-std::vector<Entry> entries_of(const Grid& grid) {
-  std::vector<std::size_t> first(grid.range.size() + 1, 0);
-  for (std::size_t t = 0; t < grid.range.size(); ++t) first[t + 1] = first[t] + count_of(grid.range[t]);
-  std::vector<Entry> entries(first.back());
-  for_each_index(grid.range.size(), [&](std::size_t t) {
-    std::size_t at = first[t];
-    const auto& [low, high] = grid.range[t];
-    for (int x = low.x; x <= high.x; ++x)
-      for (int y = low.y; y <= high.y; ++y)
-        for (int z = low.z; z <= high.z; ++z) entries[at++] = {key_of({x, y, z}), Index(t)};
-  });
-  tbb::parallel_sort(entries);
-  return entries;
+template <class Visit>
+void for_each_cell(const CellRange& range, const Visit& visit) {
+  for (int x = range.low.x; x <= range.high.x; ++x)
+    for (int y = range.low.y; y <= range.high.y; ++y)
+      for (int z = range.low.z; z <= range.high.z; ++z) visit(key_of({x, y, z}));
 }
+
+/// The grid's entries, those of one cell in one bucket of a hash table, in no order: sorting them by cells takes
+/// several times as long.
+struct CellTable {
+  std::vector<std::uint32_t> first;  // per bucket, CSR over `entry`; buckets + 1
+  std::vector<Entry> entry;
+
+  explicit CellTable(const Grid& grid) {
+    constexpr std::size_t kTrianglesPerBucket = 4;
+    const std::size_t buckets = std::bit_ceil(grid.range.size() / kTrianglesPerBucket + 1);
+    const int shift = 64 - std::countr_zero(buckets);
+    const auto bucket_of = [&](std::uint64_t cell) {
+      return shift == 64 ? 0 : std::size_t(cell * 0x9e3779b97f4a7c15u >> shift);
+    };
+    const auto next_in = [](std::uint32_t& counter) {
+      return std::atomic_ref<std::uint32_t>(counter).fetch_add(1, std::memory_order_relaxed);
+    };
+    first.assign(buckets + 1, 0);
+    for_each_index(grid.range.size(), [&](std::size_t t) {
+      for_each_cell(grid.range[t], [&](std::uint64_t cell) { next_in(first[bucket_of(cell) + 1]); });
+    });
+    std::inclusive_scan(first.begin(), first.end(), first.begin());
+    entry.resize(first.back());
+    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    for_each_index(grid.range.size(), [&](std::size_t t) {
+      for_each_cell(grid.range[t], [&](std::uint64_t cell) {
+        entry[next_in(next[bucket_of(cell)])] = {cell, Index(t)};
+      });
+    });
+  }
+};
 
 bool share_a_vertex(const TriangleMesh& mesh, Index a, Index b) {
   for (Index i = 3 * a; i < 3 * a + 3; ++i)
@@ -168,26 +186,28 @@ std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
   std::vector<FlatBox> box(mesh.triangle_count());
   for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(mesh, Index(t)); });
   const Grid grid = make_grid(mesh, box, margin);
-  const std::vector<Entry> entries = entries_of(grid);
-  const std::vector<Index> runs =
-      indices_where(entries.size(), [&](Index i) { return i == 0 || entries[i].cell != entries[i - 1].cell; });
+  const CellTable table(grid);
 
   struct Found {
     std::vector<TrianglePair> pairs;
+    std::vector<FlatBox> boxes;  // of a bucket
     std::size_t candidates = 0;
   };
-  const auto apart = [&](Index a, Index b) {
-    return glm::any(glm::greaterThan(DVec3(box[a].low) - DVec3(box[b].high), DVec3(margin))) ||
-           glm::any(glm::greaterThan(DVec3(box[b].low) - DVec3(box[a].high), DVec3(margin)));
+  const auto apart = [&](const FlatBox& a, const FlatBox& b) {
+    const Vec3 gap = glm::max(a.low - b.high, b.low - a.high);
+    return std::max({gap.x, gap.y, gap.z}) > float(margin);
   };
   tbb::enumerable_thread_specific<Found> found;
-  for_each_index(runs.size(), [&](std::size_t r) {
+  for_each_index(table.first.size() - 1, [&](std::size_t bucket) {
     Found& own = found.local();
-    const std::size_t end = r + 1 < runs.size() ? runs[r + 1] : entries.size();
-    for (std::size_t i = runs[r]; i < end; ++i)
-      for (std::size_t j = i + 1; j < end; ++j) {
-        const TrianglePair pair{entries[i].triangle, entries[j].triangle};
-        if (apart(pair.a, pair.b)) continue;
+    const std::span entries(table.entry.data() + table.first[bucket], table.entry.data() + table.first[bucket + 1]);
+    own.boxes.clear();
+    for (const Entry& entry : entries) own.boxes.push_back(box[entry.triangle]);
+    for (std::size_t i = 0; i < entries.size(); ++i)
+      for (std::size_t j = i + 1; j < entries.size(); ++j) {
+        if (entries[i].cell != entries[j].cell || apart(own.boxes[i], own.boxes[j])) continue;
+        const TrianglePair pair{std::min(entries[i].triangle, entries[j].triangle),
+                                std::max(entries[i].triangle, entries[j].triangle)};
         // Of the cells both are listed in, one looks at them.
         const IVec3 home = glm::max(grid.range[pair.a].low, grid.range[pair.b].low);
         if (entries[i].cell != key_of(home) || share_a_vertex(mesh, pair.a, pair.b)) continue;
@@ -196,7 +216,7 @@ std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
       }
   });
   std::vector<TrianglePair> pairs;
-  PairStatistics sums{entries.size(), 0};
+  PairStatistics sums{table.entry.size(), 0};
   for (const Found& own : found) {
     pairs.insert(pairs.end(), own.pairs.begin(), own.pairs.end());
     sums.candidates += own.candidates;
