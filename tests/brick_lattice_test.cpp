@@ -197,8 +197,8 @@ void expect_same(const LatticeTopology& a, const LatticeTopology& b) {
   EXPECT_TRUE(a.tunnel == b.tunnel);
   EXPECT_TRUE(a.first_patch == b.first_patch);
   EXPECT_TRUE(a.piece == b.piece);
-  EXPECT_TRUE(a.crossing_point == b.crossing_point);
-  EXPECT_TRUE(a.crossing_piece == b.crossing_piece);
+  EXPECT_TRUE(a.first_part == b.first_part);
+  EXPECT_TRUE(a.part_piece == b.part_piece);
   EXPECT_TRUE(a.upper == b.upper);
   EXPECT_TRUE(a.euler == b.euler);
   EXPECT_TRUE(a.volume == b.volume);

@@ -18,6 +18,23 @@ using dense::Values;
 
 namespace {
 
+/// Volumes of the lattice's pieces as they are defined, by the vertices of marching cubes, whose places on lattice
+/// edges tell where the surface crosses them.
+std::vector<double> volumes_by_lines(const TriangleMesh& mesh, const std::vector<Index>& piece, const Values& values,
+                                     std::size_t pieces, double spacing, const DVec3& origin) {
+  std::vector<double> volumes(pieces, 0.0);
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const DVec3 q = (DVec3(mesh.position(v)) - origin) / spacing;
+    const DVec3 off = glm::abs(q - glm::round(q));
+    const int axis = off.x > off.y && off.x > off.z ? 0 : off.y > off.z ? 1 : 2;
+    if (std::max(off[(axis + 1) % 3], off[(axis + 2) % 3]) > 1e-3) continue;  // the centre of a loop
+    IVec3 low(glm::round(q));
+    low[axis] = int(std::floor(q[axis]));
+    volumes[piece[v]] += (values.at(low) > 0 ? q[axis] : -q[axis]) / 3.0 * std::pow(spacing, 3);
+  }
+  return volumes;
+}
+
 /// Everything that must hold whatever the values: a closed oriented manifold that agrees with the topology, whose
 /// pieces are the interfaces between the labelled sets.
 void expect_consistent(const Values& values, bool separated) {
@@ -32,13 +49,16 @@ void expect_consistent(const Values& values, bool separated) {
   ASSERT_EQ(topology.piece_count(), std::size_t(sets.inside + sets.outside - 1));
   const MeshPieces pieces = mesh_pieces(mesh);
   ASSERT_EQ(pieces.count(), topology.piece_count());
+  const std::vector<double> volumes =
+      volumes_by_lines(mesh, piece_of_vertex, values, topology.piece_count(), 0.25, DVec3(-1.0, 2.0, 0.5) - 2.0);
   long long euler = 0;
   std::vector<std::uint8_t> seen(pieces.count());
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     const Index m = pieces.of_vertex[v], l = piece_of_vertex[v];
     if (std::exchange(seen[m], 1)) continue;
     EXPECT_EQ(pieces.euler[m], topology.euler[l]);
-    EXPECT_NEAR(pieces.volume[m], topology.volume[l], 1e-5);
+    EXPECT_NEAR(volumes[l], topology.volume[l], 1e-5);
+    EXPECT_EQ(pieces.volume[m] > 0, topology.volume[l] > 0);
     euler += topology.euler[l];
   }
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
@@ -92,6 +112,24 @@ TEST(MarchingCubes, RandomValuesResolveAmbiguousFacesBySaddles) {
   }
 }
 
+TEST(MarchingCubes, SmoothSheetsThroughManyBricks) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> wave(-0.7, 0.7), phase(0.0, 6.0);
+  for (const double slower : {1.0, 2.0, 4.0}) {  // from several parts a brick to one
+    std::array<glm::dvec4, 6> waves;
+    for (glm::dvec4& w : waves) w = glm::dvec4(DVec3(wave(random), wave(random), wave(random)) / slower, phase(random));
+    Values values(3);
+    for (std::size_t i = 0; i < values.value.size(); ++i) {
+      const glm::dvec4 at(DVec3(values.corner(i)), 1.0);
+      if (values.on_border(values.corner(i))) continue;
+      values.value[i] = 0.0f;
+      for (const glm::dvec4& w : waves) values.value[i] += float(std::sin(glm::dot(w, at)));
+    }
+    SCOPED_TRACE(slower);
+    expect_consistent(values, false);
+  }
+}
+
 TEST(MarchingCubes, TunnelsThroughCellsOfTwoLoops) {
   std::mt19937 random(7);
   std::normal_distribution<float> value;
@@ -124,8 +162,8 @@ TEST(MarchingCubes, TunnelsThroughCellsOfTwoLoops) {
     std::sort(of_mesh.begin(), of_mesh.end());
     std::sort(of_lattice.begin(), of_lattice.end());
     EXPECT_EQ(of_mesh, of_lattice);
-    EXPECT_NEAR(std::accumulate(pieces.volume.begin(), pieces.volume.end(), 0.0),
-                std::accumulate(topology.volume.begin(), topology.volume.end(), 0.0), 1e-4);
+    EXPECT_NEAR(std::accumulate(discs.volume.begin(), discs.volume.end(), 0.0),
+                std::accumulate(topology.volume.begin(), topology.volume.end(), 0.0), 1e-9);  // no crossing has moved
   }
 }
 
@@ -188,7 +226,7 @@ TEST(MarchingCubes, ExtractsOnlyTheWantedPieces) {
     EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
     const MeshPieces pieces = mesh_pieces(mesh);
     ASSERT_EQ(pieces.count(), 1u);
-    EXPECT_NEAR(pieces.volume[0], topology.volume[p], 1e-4);
+    EXPECT_NEAR(pieces.volume[0], topology.volume[p], 0.1 * topology.volume[p]);
   }
 }
 
@@ -215,7 +253,7 @@ TEST(MarchingCubes, FindsPatchesAndCrossingsByCellAndEdge) {
       }
   }
   EXPECT_EQ(patches, topology.piece.size());
-  EXPECT_EQ(crossings, topology.crossing_point.size());
+  EXPECT_EQ(crossings, topology.crossing_count);
 }
 
 TEST(MarchingCubes, SurfaceThatLeavesTheLatticeIsAnError) {

@@ -15,7 +15,7 @@ namespace {
 /// Random lines in space that run along the three axes with one line a square of side s meet a surface 3/2 times on an
 /// area of s^2 on average.
 double area_seen(const BrickLattice& lattice, const LatticeTopology& topology) {
-  return double(topology.crossing_point.size()) * lattice.spacing * lattice.spacing / 1.5;
+  return double(topology.crossing_count) * lattice.spacing * lattice.spacing / 1.5;
 }
 
 /// Random points of the bricks that the surface crosses; one without a gradient to follow is drawn again.

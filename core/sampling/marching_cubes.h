@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -18,15 +19,19 @@ struct BrickCrossings {
   std::array<std::uint64_t, 24> mask{};    // word axis * 8 + x, bit y * 8 + z
   std::array<std::uint16_t, 24> before{};  // crossings of this brick in the words before
   Index first = 0;                         // of this brick
+
+  Index size() const { return static_cast<Index>(before[23] + std::popcount(mask[23])); }
 };
 
 /// What hangs together within one brick; the brick's *parts* of pieces are numbered by their first patch.
 struct BrickParts {
   struct Part {
-    int euler = 0;        // patches - crossings that start in the brick
-    double volume = 0.0;  // below the triangles, down to the brick's low corner, in lattice cells
-    double shadow = 0.0;  // their signed area seen along z: what the volume grows by when that corner is lower by one
-    Box box;              // of crossings that start in the brick, world units
+    int euler = 0;        // patches - own crossings
+    double volume = 0.0;  // a third of the places of own crossings on their axes, in cells from the brick's low corner,
+                          // negative where the axis enters the surface
+    IVec3 faces{0};       // own crossings by axis, less those where it enters: what three volumes grow by when that
+                          // corner is lower by one along the axis
+    Box box;              // of own crossings, which start in the brick; world units
   };
   /// A crossing of a neighbour (see LatticeTopology::upper) that a part has, by its number in that brick.
   struct Link {
@@ -34,8 +39,11 @@ struct BrickParts {
     std::uint8_t neighbour = 0;
   };
   std::vector<Part> part;
+  // Empty where there is one part:
   std::vector<std::uint16_t> of_patch, of_crossing;  // parts, of the patches and crossings of the brick
   std::vector<Link> link;
+
+  Index part_of_crossing(Index number) const { return of_crossing.empty() ? 0 : of_crossing[number]; }
 };
 
 /// The surface as the lattice sees it: its connected pieces, without any triangle. A *crossing* is where it meets a
@@ -50,15 +58,17 @@ struct LatticeTopology {
   std::vector<Index> first_patch;         // per surface cell, CSR; size cells + 1
   std::vector<Index> piece;               // per patch
   std::vector<BrickCrossings> crossings;  // per brick
-  std::vector<Vec3> crossing_point;       // per crossing
-  std::vector<Index> crossing_piece;      // per crossing
+  Index crossing_count = 0;
   std::vector<std::array<Index, 8>>
       upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
 
   std::vector<BrickParts> parts;  // per brick
+  std::vector<Index> first_part;  // per brick, CSR; size bricks + 1
+  std::vector<Index> part_piece;  // per part
 
   std::vector<int> euler;      // per piece: vertices - edges + patches
-  std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity
+  std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity: the mean over the
+                               // three axes of the length of lattice lines within, so rough for a few corners
   std::vector<Box> box;        // per piece: bounds of its crossings
 
   std::size_t piece_count() const { return euler.size(); }
@@ -67,6 +77,12 @@ struct LatticeTopology {
   /// Crossing of the lattice edge that starts at corner (0..8 on each axis) of a brick, along `axis`; kNone if there is
   /// none.
   Index crossing(Index brick, IVec3 corner, int axis) const;
+  /// The piece that it belongs to, kNone if there is none.
+  Index crossing_piece(Index brick, IVec3 corner, int axis) const;
+  /// The piece of a brick's own crossing, by its number in the brick.
+  Index piece_of_crossing(Index brick, Index number) const {
+    return part_piece[first_part[brick] + parts[brick].part_of_crossing(number)];
+  }
 };
 
 /// Face ambiguities are resolved by lattice.face, else by the asymptotic decider, alike in both cells of a face, so

@@ -14,6 +14,7 @@ namespace isoskin {
 namespace {
 
 constexpr std::size_t kValues = BrickLattice::kValues;
+constexpr double kMostChanged = 0.5;  // of the bricks; where more have, telling them apart costs more than it saves
 
 std::vector<Index> marked(const std::vector<std::uint8_t>& bricks) {
   std::vector<Index> out;
@@ -52,7 +53,7 @@ public:
         lattice_(std::move(before)),
         parts_(grid() ? grid_parts(*grid()->grid(), lattice_.spacing) : 0) {}
 
-  /// False where all has to be sampled anew.
+  /// False where all has to be sampled anew, in the memory that finish() gives back.
   bool run(std::size_t max_bricks) {
     if (mask_.everywhere() || lattice_.extended) return false;
     const auto revealed_before = lattice_.revealed;
@@ -86,6 +87,7 @@ private:
     std::vector<IVec3> candidates;
     if (parts_ > 0) {
       candidates = grid_candidates(*grid()->grid(), parts_, &mask_);
+      if (double(candidates.size()) > kMostChanged * double(lattice_.brick_count())) return false;
     } else {
       const sampling::BrickRange range = sampling::bricks_in_bounds(field_, lattice_.origin, lattice_.spacing);
       if (range.first != lattice_.first_searched || range.last != lattice_.last_searched) return false;
@@ -138,11 +140,11 @@ private:
     for (std::size_t k = 0; k < about.size(); ++k)
       std::copy_n(&lattice_.value[about[k] * kValues], kValues, &old[k * kValues]);
     sampling::evaluate(lattice_, marked(changed_), field_, backend_);
-    if (parts_ > 0) sampling::unify_shared_corners(lattice_, about);
+    signs_.resize(lattice_.brick_count());
+    if (parts_ > 0) sampling::unify_shared_corners(lattice_, about, signs_);
     for (std::size_t k = 0; k < about.size(); ++k)
       changed_[about[k]] |=
           std::memcmp(&old[k * kValues], &lattice_.value[about[k] * kValues], kValues * sizeof(float)) != 0;
-    signs_.resize(lattice_.brick_count());
     set_signs(with_neighbours(lattice_, with_neighbours(lattice_, changed_)));
     return sampling::missing_neighbours(lattice_, signs_, about).empty();
   }
@@ -187,7 +189,9 @@ BrickLattice resample_lattice(BrickLattice before, const FieldChanges& changes, 
                               std::size_t max_bricks) {
   const double spacing = before.spacing;
   Resampling resampling(std::move(before), changes, field, backend);
-  return resampling.run(max_bricks) ? resampling.finish() : sample_lattice(field, backend, spacing, max_bricks);
+  const bool resampled = resampling.run(max_bricks);
+  BrickLattice lattice = resampling.finish();
+  return resampled ? lattice : sampling::sample_anew(std::move(lattice), field, backend, spacing, max_bricks);
 }
 
 }  // namespace isoskin

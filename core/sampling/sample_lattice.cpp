@@ -134,7 +134,7 @@ std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::ve
   return all;
 }
 
-void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks) {
+void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks, std::vector<BrickSigns>& signs) {
   for_each_index(bricks.size(), [&](std::size_t k) {
     const std::size_t b = bricks[k];
     float* value = &lattice.value[b * kValues];
@@ -152,6 +152,7 @@ void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& brick
             value[at] = theirs[at - shift];
           }
     }
+    signs[b] = BrickSigns(value);
   });
 }
 
@@ -216,15 +217,14 @@ std::vector<IVec3> subdivide(const Field& field, const BrickLattice& lattice, co
   return cubes;
 }
 
-}  // namespace sampling
-
-BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks) {
-  using namespace sampling;
+BrickLattice sample_anew(BrickLattice used, const Field& field, Backend& backend, double spacing,
+                         std::size_t max_bricks) {
   if (!(spacing > 0.0) || !std::isfinite(spacing))
     throw InputError("lattice spacing " + std::to_string(spacing) + "; expected a positive length");
   const auto* grid = dynamic_cast<const GridField*>(&field);
   const int parts = parts_of(field, spacing);
   BrickLattice lattice;
+  lattice.value = std::move(used.value);
   lattice.spacing = parts > 0 ? grid->grid()->h / parts : spacing;
   lattice.origin = grid ? grid->grid()->origin : DVec3(0.0);
   if (parts > 0) {
@@ -247,9 +247,13 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
   std::vector<BrickSigns> signs;
   for (int round = 0;; ++round) {
     evaluate(lattice, fresh, field, backend);
-    if (parts > 0) unify_shared_corners(lattice, all_bricks(lattice));
     // Rounding may move a crossing just past the last brick, and unifying may move one anywhere near.
-    signs = brick_signs(lattice);
+    if (parts > 0) {
+      signs.resize(lattice.brick_count());
+      unify_shared_corners(lattice, all_bricks(lattice), signs);
+    } else {
+      signs = brick_signs(lattice);
+    }
     const std::vector<IVec3> more = missing_neighbours(lattice, signs, parts > 0 ? all_bricks(lattice) : fresh);
     if (more.empty()) break;
     check_count(lattice.brick_count() + more.size(), max_bricks, spacing);
@@ -261,6 +265,12 @@ BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing
   resolve_ambiguous_faces(lattice, signs, field);
   resolve_tunnels(lattice, signs, field);
   return lattice;
+}
+
+}  // namespace sampling
+
+BrickLattice sample_lattice(const Field& field, Backend& backend, double spacing, std::size_t max_bricks) {
+  return sampling::sample_anew({}, field, backend, spacing, max_bricks);
 }
 
 }  // namespace isoskin

@@ -34,8 +34,13 @@ std::vector<IVec3> subdivide(const Field& field, const BrickLattice& lattice, co
 void evaluate(BrickLattice& lattice, const std::vector<Index>& bricks, const Field& field, Backend& backend);
 
 /// A corner shared by several bricks takes the value of the last of them, in case two of them differ in rounding. No
-/// brick's value is read where it is not the last. Of the given bricks.
-void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks);
+/// brick's value is read where it is not the last. Of the given bricks, whose entries of `signs` (one a brick) are
+/// filled too.
+void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks, std::vector<BrickSigns>& signs);
+
+/// What sample_lattice() returns, in the memory of `used`, which may be any lattice.
+BrickLattice sample_anew(BrickLattice used, const Field& field, Backend& backend, double spacing,
+                         std::size_t max_bricks);
 
 /// Bricks that must be there because a lattice edge on the boundary of one of `bricks` changes sign, but are not.
 /// Sorted. `signs`: one a brick, right at least for `bricks`.

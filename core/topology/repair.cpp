@@ -82,6 +82,15 @@ std::vector<Box> boxes_of_pieces(const TriangleMesh& mesh, const MeshPieces& pie
   return out;
 }
 
+/// What the extracted triangles enclose, by lattice piece; 0 where none were extracted.
+std::vector<double> extracted_volumes(const Extracted& extracted, std::size_t lattice_pieces) {
+  const MeshPieces raw = mesh_pieces(extracted.raw);
+  std::vector<double> volumes(lattice_pieces, 0.0);
+  for (std::size_t v = 0; v < raw.of_vertex.size(); ++v)
+    if (raw.of_vertex[v] != kNone) volumes[extracted.piece_of_vertex[v]] = raw.volume[raw.of_vertex[v]];
+  return volumes;
+}
+
 bool contains(const Box& outer, const Box& inner) {
   return glm::all(glm::lessThanEqual(outer.low, inner.low)) && glm::all(glm::greaterThanEqual(outer.high, inner.high));
 }
@@ -93,10 +102,11 @@ TriangleMesh best_of_both(TriangleMesh settled, const Extracted& extracted, cons
   const MeshPieces pieces = mesh_pieces(settled);
   const std::vector<Index> origin = origin_of_pieces(settled, pieces, extracted);
   const std::vector<Box> boxes = boxes_of_pieces(settled, pieces);
+  const std::vector<double> volumes = extracted_volumes(extracted, topology.piece_count());
   std::vector<std::uint8_t> keep(pieces.count(), 0), taken(topology.piece_count(), 0);
   for (std::size_t p = 0; p < pieces.count(); ++p) {
     if (origin[p] == kNone || taken[origin[p]]) continue;
-    const double share = pieces.volume[p] / topology.volume[origin[p]];
+    const double share = pieces.volume[p] / volumes[origin[p]];
     const bool same_size = share > kLeastVolume && share < kMostVolume;
     const bool same_place = contains(topology.box[origin[p]].grown(kFarthestDrift * spacing), boxes[p]);
     keep[p] = same_size && same_place && pieces.euler[p] == topology.euler[origin[p]];

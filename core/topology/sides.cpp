@@ -144,10 +144,7 @@ private:
     inside_ = inside;
     const int mismatch = winding_ - inside;
     if (mismatch == mismatch_) return;
-    if (turned && z > 0) {
-      const Index c = walk_.topology.crossing(brick, {x(), y(), z - 1}, 2);
-      if (c != kNone) causes.piece = walk_.topology.crossing_piece[c];
-    }
+    if (turned && z > 0) causes.piece = walk_.topology.crossing_piece(brick, {x(), y(), z - 1}, 2);
     if (mismatch_ != 0 && far_) {
       blame(begun_);
       blame(causes);
