@@ -61,10 +61,8 @@ void ConjugateGradients::move(ResidentMesh& mesh, float longest) {
   device_->launch(move_, count, mesh.positions, x_, longest, count);
 }
 
-CgState ConjugateGradients::state() {
-  CgState state{};
-  state_.read({&state, 1});
-  return state;
+void ConjugateGradients::fetch_state(CgState& state) {
+  state_.fetch({&state, 1});
 }
 
 ConjugateGradients::Share ConjugateGradients::share(std::size_t vertices) const {

@@ -21,8 +21,8 @@ public:
   void solve(const ResidentMesh& mesh, const Array<Vec3>& normals, Elements& elements, const RelaxOptions& options);
   /// Launches only: moves the resident positions by dx, each at most `longest`.
   void move(ResidentMesh& mesh, float longest);
-  /// Waits: iterations since reset() and the residual of the last solve.
-  CgState state();
+  /// Enqueues only; `state` is filled after Device::finish(): iterations since reset(), residual of the last solve.
+  void fetch_state(CgState& state);
 
 private:
   struct Share {  // Share in cg.cl

@@ -289,6 +289,7 @@ void Device::set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t by
 }
 
 void Device::enqueue(const Kernel& kernel, std::size_t items, std::size_t local) {
+  busy_ = true;
   const std::size_t global = (items + local - 1) / local * local;
   const auto begin = std::chrono::steady_clock::now();
   const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local, 0, nullptr,
@@ -327,34 +328,41 @@ void Device::release(Block block) {
 }
 
 void Device::finish() {
+  if (!busy_) return;
+  busy_ = false;
   check(clFinish(queue_.get()), "clFinish");
   collect_events();
 }
 
 void* Device::map(cl_mem memory, Access access, std::size_t bytes) {
+  busy_ = true;
   cl_int code = CL_SUCCESS;
-  void* mapped = clEnqueueMapBuffer(queue_.get(), memory, CL_TRUE, map_flags(access), 0, bytes, 0, nullptr,
+  void* mapped = clEnqueueMapBuffer(queue_.get(), memory, CL_FALSE, map_flags(access), 0, bytes, 0, nullptr,
                                     event_slot("copy", "map"), &code);
   check(code, "clEnqueueMapBuffer");
   return mapped;
 }
 
 void Device::unmap(cl_mem memory, void* mapped) {
+  busy_ = true;
   check(clEnqueueUnmapMemObject(queue_.get(), memory, mapped, 0, nullptr, event_slot("copy", "unmap")),
         "clEnqueueUnmapMemObject");
 }
 
 void Device::read(cl_mem memory, void* to, std::size_t bytes) {
-  check(clEnqueueReadBuffer(queue_.get(), memory, CL_TRUE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
+  busy_ = true;
+  check(clEnqueueReadBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
         "clEnqueueReadBuffer");
 }
 
 void Device::write(cl_mem memory, const void* from, std::size_t bytes) {
-  check(clEnqueueWriteBuffer(queue_.get(), memory, CL_TRUE, 0, bytes, from, 0, nullptr, event_slot("copy", "write")),
+  busy_ = true;
+  check(clEnqueueWriteBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, from, 0, nullptr, event_slot("copy", "write")),
         "clEnqueueWriteBuffer");
 }
 
 void Device::clear(cl_mem memory, std::size_t bytes) {
+  busy_ = true;
   const cl_uint zero = 0;
   check(clEnqueueFillBuffer(queue_.get(), memory, &zero, sizeof zero, 0, bytes, 0, nullptr, event_slot("copy", "fill")),
         "clEnqueueFillBuffer");

@@ -118,9 +118,11 @@ public:
   Block acquire(std::size_t bytes);
   void release(Block block);
 
-  /// Waits for everything launched so far; then hands profiled times to the trace.
+  /// Waits for everything enqueued so far; then hands profiled times to the trace. Free when there is nothing.
   void finish();
 
+  // These do not wait: what they read or write is to be left alone until finish(). On a CPU one wait takes as long as a
+  // kernel over thousands of points, so whoever needs several results enqueues all of them first.
   void* map(cl_mem memory, Access access, std::size_t bytes);
   void unmap(cl_mem memory, void* mapped);
   void read(cl_mem memory, void* to, std::size_t bytes);
@@ -159,6 +161,7 @@ private:
   std::size_t share_local_size_ = 64;
   std::multimap<std::size_t, Block> free_;
   std::size_t pooled_bytes_ = 0;
+  bool busy_ = false;  // something was enqueued since the last finish()
   bool profile_ = false;
   std::vector<Pending> pending_;
   std::chrono::steady_clock::time_point host_zero_{};
@@ -184,13 +187,23 @@ public:
     if (block_.memory.get()) device_->release(std::move(block_));
     block_ = device_->acquire(bytes);
   }
-  void assign(std::span<const T> from) {
+  /// Does not wait: `from` must stay as it is until Device::finish().
+  void send(std::span<const T> from) {
     resize(from.size());
     if (!from.empty()) device_->write(memory(), from.data(), from.size_bytes());
   }
+  void assign(std::span<const T> from) {
+    send(from);
+    device_->finish();
+  }
   void clear() { device_->clear(memory(), (size_ * sizeof(T) + 3) / 4 * 4); }
-  void read(std::span<T> to) {
+  /// Does not wait: `to` is filled after Device::finish().
+  void fetch(std::span<T> to) {
     if (!to.empty()) device_->read(memory(), to.data(), to.size_bytes());
+  }
+  void read(std::span<T> to) {
+    fetch(to);
+    device_->finish();
   }
 
   std::size_t size() const { return size_; }
@@ -204,7 +217,7 @@ private:
   std::size_t size_ = 0;
 };
 
-/// Host access to an Array: mapped on CPU devices, copied on GPUs. Reads wait for the kernels before.
+/// Host access to an Array: mapped on CPU devices, copied on GPUs. span() waits for the kernels before.
 template <class T>
 class View {
 public:
@@ -214,19 +227,25 @@ public:
       mapped_ = static_cast<T*>(array.device().map(array.memory(), access, array.size() * sizeof(T)));
     } else {
       copy_.resize(array.size());
-      if (access != Access::write) array.read(copy_);
+      if (access != Access::write) array.fetch(copy_);
     }
   }
   ~View() {
-    if (mapped_)
-      array_->device().unmap(array_->memory(), mapped_);
-    else if (access_ != Access::read && !copy_.empty())
-      array_->device().write(array_->memory(), copy_.data(), copy_.size() * sizeof(T));
+    Device& device = array_->device();
+    if (mapped_) {
+      device.unmap(array_->memory(), mapped_);
+    } else if (!copy_.empty()) {
+      if (access_ != Access::read) device.write(array_->memory(), copy_.data(), copy_.size() * sizeof(T));
+      device.finish();
+    }
   }
   View(const View&) = delete;
   View& operator=(const View&) = delete;
 
-  std::span<T> span() { return mapped_ ? std::span<T>(mapped_, array_->size()) : std::span<T>(copy_); }
+  std::span<T> span() {
+    array_->device().finish();
+    return mapped_ ? std::span<T>(mapped_, array_->size()) : std::span<T>(copy_);
+  }
 
 private:
   Array<T>* array_;
@@ -236,7 +255,8 @@ private:
 };
 
 /// The caller's memory as a kernel argument for the length of one call: shared with a CPU device, copied to a GPU.
-/// Kernels must not touch anything behind the end. collect() waits and makes what kernels wrote visible to the caller.
+/// Kernels must not touch anything behind the end. After collect() and Device::finish() the caller sees what kernels
+/// wrote; not to be destroyed before that.
 class Borrowed {
 public:
   Borrowed(Device& device, void* data, std::size_t bytes, Access access);

@@ -19,11 +19,13 @@ void Evaluator::evaluate(const DeviceField& field, std::span<const Vec3> points,
   if (gradients.empty()) {
     device_->launch(values_(field), packets(field, count), field, in, out, count);
     out.collect();
+    device_->finish();
   } else {
     Borrowed slopes(*device_, gradients.data(), gradients.size_bytes(), Access::write);
     device_->launch(both_(field), packets(field, count), field, in, out, slopes, count);
     out.collect();
     slopes.collect();
+    device_->finish();
   }
 }
 
@@ -34,6 +36,7 @@ void Evaluator::evaluate_hessian(const DeviceField& field, std::span<const Vec3>
   Borrowed out(*device_, hessians.data(), hessians.size_bytes(), Access::write);
   device_->launch(hessian_(field), packets(field, count), field, in, out, count);
   out.collect();
+  device_->finish();
 }
 
 }  // namespace isoskin::opencl

@@ -24,8 +24,8 @@ public:
     const std::shared_ptr<const BrickGrid>& grid = static_cast<const GridField&>(field).grid();
     if (grid == uploaded_) return;
     uploaded_ = nullptr;
-    table_.assign(grid->table);
-    constant_.assign(grid->constant);
+    table_.send(grid->table);
+    constant_.send(grid->constant);
     tap_.assign(grid->tap);
     params_.origin = make_origin(grid->origin + grid->h * double{BrickGrid::kBrick} * DVec3(grid->table_low));
     params_.over_h = static_cast<float>(1.0 / grid->h);

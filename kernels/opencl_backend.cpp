@@ -68,7 +68,6 @@ public:
       evaluator_.evaluate(field(), points.subspan(at, n), values.subspan(at, n),
                           gradients.empty() ? gradients : gradients.subspan(at, n));
     });
-    device_.finish();
   }
 
   void evaluate_hessian(std::span<const Vec3> points, std::span<float> hessians) override {
@@ -78,7 +77,6 @@ public:
     for_each_piece(points.size(), [&](std::size_t at, std::size_t n) {
       evaluator_.evaluate_hessian(field(), points.subspan(at, n), hessians.subspan(6 * at, 6 * n));
     });
-    device_.finish();
   }
 
   ProjectReport project(std::span<Vec3> points, const ProjectOptions& options,
@@ -93,7 +91,6 @@ public:
       report.points += part.points;
       report.quasi_critical += part.quasi_critical;
     });
-    device_.finish();
     return report;
   }
 
@@ -104,7 +101,6 @@ public:
     const Span span("set_mesh");
     close_views();
     mesh_.set(mesh, pinned);
-    device_.finish();
   }
 
   RelaxReport relax(const RelaxOptions& relax, const ProjectOptions& project) override {
@@ -126,13 +122,13 @@ public:
   }
 
   std::span<const Vec3> positions() override {
-    close_views();
-    return positions_view_.emplace(mesh_.positions, Access::read).span();
+    open_views();
+    return positions_view_->span();
   }
 
   std::span<const ProjectStatus> status() override {
-    close_views();
-    return status_view_.emplace(mesh_.status, Access::read).span();
+    open_views();
+    return status_view_->span();
   }
 
   void vertex_normals(std::span<Vec3> normals) override {
@@ -164,6 +160,12 @@ private:
   const opencl::DeviceField& field() const {
     require(current_ != nullptr, "no field: call set_field first");
     return *on_device_;
+  }
+
+  /// Both at once: who asks for one asks for the other.
+  void open_views() {
+    if (!positions_view_) positions_view_.emplace(mesh_.positions, Access::read);
+    if (!status_view_) status_view_.emplace(mesh_.status, Access::read);
   }
 
   void close_views() {

@@ -22,6 +22,7 @@ ProjectReport Projector::project(const DeviceField& field, std::span<Vec3> point
   launch(field, moved, flags, points.size(), options);
   moved.collect();
   flags.collect();
+  device_->finish();
   return count_status(status);
 }
 

@@ -32,11 +32,14 @@ RelaxReport Relaxer::relax(const DeviceField& field, ResidentMesh& mesh, Project
       projector.launch(field, mesh.positions, mesh.status, mesh.vertex_count(), project);
     }
   }
-  const CgState cg = cg_.state();
+  CgState cg{};
+  cg_.fetch_state(cg);
+  View<std::uint8_t> inverted(inverted_, Access::read);
+  View<ProjectStatus> status(mesh.status, Access::read);
+  report.inverted = std::ranges::count(inverted.span(), 1);
+  report.quasi_critical = count_status(status.span()).quasi_critical;
   report.cg_iterations = cg.iterations;
   report.residual = cg.start > 0.0f ? std::sqrt(static_cast<double>(cg.rr) / cg.start) : 0.0;
-  report.inverted = std::ranges::count(View<std::uint8_t>(inverted_, Access::read).span(), 1);
-  report.quasi_critical = count_status(View<ProjectStatus>(mesh.status, Access::read).span()).quasi_critical;
   return report;
 }
 

@@ -256,8 +256,8 @@ private:
       data.push_back(pack_solid(elements[i]));
     }
     solids_ = data.size() > elements.size();
-    elements_.assign(data);
-    first_.assign(grid.first);
+    elements_.send(data);
+    first_.send(grid.first);
     list_.assign(grid.list);
     params_.origin = make_origin(origin);
     params_.iso = static_cast<float>(iso);
