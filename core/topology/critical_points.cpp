@@ -93,6 +93,12 @@ std::vector<Index> one_of_each(std::vector<Index> points, double distance, const
   return kept;
 }
 
+/// Gradient and Hessian in float64, at most until it is `settled`.
+void run(NewtonSearch& search, const Field& field, const CriticalOptions& options, double settled) {
+  while (search.state() == NewtonSearch::State::running)
+    search.advance(field.sample(search.next()).gradient, field.hessian(search.next()), options, settled);
+}
+
 /// Runs all searches in lockstep: one batch of evaluations a round.
 void search_in_batches(Backend& backend, std::vector<NewtonSearch>& searches, const CriticalOptions& options) {
   std::vector<Index> running(searches.size());
@@ -190,8 +196,7 @@ CriticalPoint describe_critical_point(const Field& field, const DVec3& p, const 
 std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVec3& seed,
                                                    const CriticalOptions& options) {
   NewtonSearch search(seed, options);
-  while (search.state() == NewtonSearch::State::running)
-    search.advance(field.sample(search.next()).gradient, field.hessian(search.next()), options, options.exact);
+  run(search, field, options, options.exact);
   const CriticalPoint point = describe_critical_point(field, search.best(), options);
   if (search.state() == NewtonSearch::State::settled) return point;
   // Newton only creeps toward a degenerate point; near enough is all that can be said of it.
@@ -207,7 +212,11 @@ CriticalSearch find_critical_points(const Field& field, Backend& backend, std::s
   std::vector<NewtonSearch> searches;
   searches.reserve(seeds.size());
   for (const DVec3& seed : seeds) searches.emplace_back(seed, options);
-  search_in_batches(backend, searches, options);
+  if (seeds.size() <= options.few_seeds)
+    tbb::parallel_for(std::size_t(0), searches.size(),
+                      [&](std::size_t i) { run(searches[i], field, options, options.settled); });
+  else
+    search_in_batches(backend, searches, options);
   // Many seeds lead to one point, and as near as this they are polished to the same.
   std::vector<Index> settled;
   for (Index i = 0; i < searches.size(); ++i)

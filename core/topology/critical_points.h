@@ -43,7 +43,8 @@ struct CriticalOptions {
   double reach = 4.0;              // a search is given up farther than this from where it started; units of e
   double max_step = 0.5;           // longest Newton step; units of e
   int iterations = 30;             // evaluations a seed may take before it is given up
-  double settled = 1e-3;           // the float32 search ends with a Newton step this short; units of e
+  std::size_t few_seeds = 512;     // so many are searched from on the host: rounds of batches would only wait
+  double settled = 1e-3;           // the search for where there are any ends with a Newton step this short; units of e
   double exact = 1e-8;             // the float64 polish ends with a Newton step this short; units of e
   double merge = 1e-2;             // critical points nearer than this are one; units of e
   double degenerate_ratio = 1e-5;  // smallest |eigenvalue| over the largest
@@ -66,8 +67,8 @@ CriticalPoint describe_critical_point(const Field& field, const DVec3& p, const 
 std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVec3& seed,
                                                    const CriticalOptions& options);
 
-/// The same from many seeds at once: batches of Backend::evaluate and evaluate_hessian in float32, then the float64
-/// polish. `field` must be the backend's current one. The result does not depend on the number of threads.
+/// The same from many seeds at once: from more than few_seeds in batches of Backend::evaluate and evaluate_hessian in
+/// float32, else in float64; then the float64 polish. `field` must be the backend's current one. The result does not depend on the number of threads.
 CriticalSearch find_critical_points(const Field& field, Backend& backend, std::span<const DVec3> seeds,
                                     const CriticalOptions& options);
 
