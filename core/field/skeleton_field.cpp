@@ -87,12 +87,30 @@ DVec3 across(DVec3 g, const ElementOffset& offset) {
   return g;
 }
 
+/// As element_sample() of a Euclidean point.
+FieldSample ball_sample(const SkeletonElement& e, const DVec3& p) {
+  const DVec3 x = p - e.a;
+  const Profile f = profile(e, glm::dot(x, x));
+  if (f.first == 0.0) return {e.weight * f.value, DVec3(0.0)};
+  return {e.weight * f.value, (2.0 * e.weight * f.first) * x};
+}
+
 FieldSample element_sample(const SkeletonElement& e, const DVec3& p) {
   const ElementOffset offset = offset_from(e, p);
   const NormShape n = norm_shape(offset.x, e.norm);
   const Profile f = profile(e, n.s);
   if (f.first == 0.0) return {e.weight * f.value, DVec3(0.0)};
   return {e.weight * f.value, across((2.0 * e.weight * f.first) * n.w, offset)};
+}
+
+/// As element_hessian() of a Euclidean point.
+DMat3 ball_hessian(const SkeletonElement& e, const DVec3& p) {
+  const DVec3 x = p - e.a;
+  const Profile f = profile(e, glm::dot(x, x));
+  if (f.first == 0.0 && f.second == 0.0) return DMat3(0.0);
+  DMat3 h = 4.0 * f.second * glm::outerProduct(x, x);
+  for (int i = 0; i < 3; ++i) h[i][i] += 2.0 * f.first;
+  return e.weight * h;
 }
 
 DMat3 element_hessian(const SkeletonElement& e, const DVec3& p) {
@@ -154,9 +172,10 @@ Box support_of(const SkeletonElement& e) {
   return extent(e).grown(e.radius + kRelative * (e.radius + 2.0 * size_of(e)));
 }
 
+/// Without branches: most elements are far from a point, but there is no telling which.
 bool contains(const Box& box, const DVec3& p) {
-  return p.x >= box.low.x && p.x <= box.high.x && p.y >= box.low.y && p.y <= box.high.y && p.z >= box.low.z &&
-         p.z <= box.high.z;
+  return bool((p.x >= box.low.x) & (p.x <= box.high.x) & (p.y >= box.low.y) & (p.y <= box.high.y) & (p.z >= box.low.z) &
+              (p.z <= box.high.z));
 }
 
 bool overlap(const Box& a, const Box& b) {
@@ -220,6 +239,7 @@ SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     check(elements_[i], i);
     support_.push_back(support_of(elements_[i]));
+    is_ball_.push_back(is_point(elements_[i]) && elements_[i].norm == 2.0);
   }
 }
 
@@ -227,7 +247,7 @@ FieldSample SkeletonField::sample(const DVec3& p) const {
   FieldSample sum{-iso_, DVec3(0.0)};
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     if (!contains(support_[i], p)) continue;
-    const FieldSample s = element_sample(elements_[i], p);
+    const FieldSample s = is_ball_[i] ? ball_sample(elements_[i], p) : element_sample(elements_[i], p);
     sum.value += s.value;
     sum.gradient += s.gradient;
   }
@@ -239,7 +259,7 @@ double SkeletonField::value(const DVec3& p) const {
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     if (!contains(support_[i], p)) continue;
     const SkeletonElement& e = elements_[i];
-    const DVec3 x = offset_from(e, p).x;
+    const DVec3 x = is_ball_[i] ? p - e.a : offset_from(e, p).x;
     const double d = e.norm == 2.0 ? 0.0 : norm_of(x, e.norm);
     sum += e.weight * profile(e, e.norm == 2.0 ? glm::dot(x, x) : d * d).value;
   }
@@ -249,7 +269,7 @@ double SkeletonField::value(const DVec3& p) const {
 DMat3 SkeletonField::hessian(const DVec3& p) const {
   DMat3 sum(0.0);
   for (std::size_t i = 0; i < elements_.size(); ++i)
-    if (contains(support_[i], p)) sum += element_hessian(elements_[i], p);
+    if (contains(support_[i], p)) sum += is_ball_[i] ? ball_hessian(elements_[i], p) : element_hessian(elements_[i], p);
   return sum;
 }
 

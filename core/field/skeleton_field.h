@@ -39,7 +39,8 @@ public:
 
 private:
   std::vector<SkeletonElement> elements_;
-  std::vector<Box> support_;  // of each element
+  std::vector<Box> support_;           // of each element
+  std::vector<std::uint8_t> is_ball_;  // of each element: a point with the norm 2
   double iso_ = 0.0;
 };
 

@@ -14,7 +14,16 @@ namespace {
 // Eigenvalues this much smaller than the largest are taken as this large in a Newton step: the step stays finite.
 constexpr double kLeastCurvature = 1e-6;
 
-DVec3 newton_step(const SymmetricEigen& hessian, const DVec3& gradient) {
+// A determinant this large beside the cubed norm leaves no eigenvalue that small, so that the inverse will do.
+constexpr double kRegular = 1e-4;
+
+DVec3 newton_step(const DMat3& m, const DVec3& gradient) {
+  const DVec3 cofactor[3] = {glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])};
+  const double determinant = glm::dot(m[0], cofactor[0]);
+  const double norm = std::sqrt(glm::dot(m[0], m[0]) + glm::dot(m[1], m[1]) + glm::dot(m[2], m[2]));
+  if (std::abs(determinant) > kRegular * norm * norm * norm)
+    return -(gradient.x * cofactor[0] + gradient.y * cofactor[1] + gradient.z * cofactor[2]) / determinant;
+  const SymmetricEigen hessian = symmetric_eigen(m);
   const double most = std::max(std::abs(hessian.values[0]), std::abs(hessian.values[2]));
   if (!(most > 0.0)) return DVec3(0.0);
   DVec3 step(0.0);
@@ -46,7 +55,7 @@ public:
     if (size < best_gradient_) {
       best_ = next_;
       best_gradient_ = size;
-      step_ = newton_step(symmetric_eigen(hessian), gradient);
+      step_ = newton_step(hessian, gradient);
       if (size > 0.0 && step_ == DVec3(0.0)) return fail();     // a slope without curvature
       if (size == 0.0 && hessian == DMat3(0.0)) return fail();  // F is constant here
       trust_ = std::min(2.0 * trust_, options.max_step * e);
@@ -142,10 +151,11 @@ const char* name(CriticalKind kind) {
 
 SymmetricEigen symmetric_eigen(const DMat3& m) {
   DMat3 a = m, v(1.0);
-  constexpr int kSweeps = 32;  // converges quadratically: 5 or 6 are used
+  constexpr int kSweeps = 32;         // converges quadratically: 5 or 6 are used
+  constexpr double kNothing = 1e-20;  // of the diagonal: what is left turns no vector by as much as rounding does
   for (int sweep = 0; sweep < kSweeps; ++sweep) {
     const double off = std::abs(a[1][0]) + std::abs(a[2][0]) + std::abs(a[2][1]);
-    if (off <= 1e-300) break;
+    if (off <= 1e-300 || off <= kNothing * (std::abs(a[0][0]) + std::abs(a[1][1]) + std::abs(a[2][2]))) break;
     for (const auto& [p, q] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
       if (a[q][p] == 0.0) continue;
       const double theta = (a[q][q] - a[p][p]) / (2.0 * a[q][p]);

@@ -68,7 +68,8 @@ std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVe
                                                    const CriticalOptions& options);
 
 /// The same from many seeds at once: from more than few_seeds in batches of Backend::evaluate and evaluate_hessian in
-/// float32, else in float64; then the float64 polish. `field` must be the backend's current one. The result does not depend on the number of threads.
+/// float32, else in float64; then the float64 polish. `field` must be the backend's current one. The result does not
+/// depend on the number of threads.
 CriticalSearch find_critical_points(const Field& field, Backend& backend, std::span<const DVec3> seeds,
                                     const CriticalOptions& options);
 
