@@ -496,9 +496,7 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   }
   report.certified = evidence.certificate.passed;
   report.events = ledger_.size();
-  backend_->set_mesh(mesh_);
-  normals_.resize(mesh_.vertex_count());
-  backend_->vertex_normals(normals_);
+  normals_ = outward_normals(mesh_.vertices.position, *backend_);
 }
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {

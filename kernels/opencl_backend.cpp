@@ -1,5 +1,6 @@
 #include "kernels/opencl_backend.h"
 
+#include <algorithm>
 #include <optional>
 #include <stdexcept>
 
@@ -106,9 +107,15 @@ public:
   RelaxReport relax(const RelaxOptions& relax, const ProjectOptions& project) override {
     const Span span("relax");
     close_views();
+    check(relax);
+    if (relax.steps <= 0 || mesh_.vertex_count() == 0) return {.steps = std::max(relax.steps, 0)};
     if (!relaxer_) relaxer_.emplace(device_);
-    const RelaxReport report = relaxer_->relax(field(), mesh_, projector_, normals_, relax, project);
-    device_.finish();
+    relaxer_->launch(field(), mesh_, projector_, normals_, relax, project);
+    // What is asked for next comes with the report.
+    open_views();
+    inverted_view_.emplace(relaxer_->inverted(), Access::read);
+    RelaxReport report = relaxer_->report();
+    report.quasi_critical = opencl::count_status(status_view_->span()).quasi_critical;
     return report;
   }
 
@@ -146,6 +153,10 @@ public:
     require(inverted.size() == mesh_.triangle_count(), "inverted_triangles needs one byte a resident triangle");
     if (inverted.empty()) return;
     const Span span("inverted_triangles");
+    if (inverted_view_) {
+      std::ranges::copy(inverted_view_->span(), inverted.begin());
+      return;
+    }
     close_views();
     Array<Vec3> normals(device_);
     normals.resize(mesh_.vertex_count());
@@ -171,6 +182,7 @@ private:
   void close_views() {
     positions_view_.reset();
     status_view_.reset();
+    inverted_view_.reset();
   }
 
   opencl::Device device_;
@@ -184,6 +196,7 @@ private:
   opencl::DeviceField* on_device_ = nullptr;
   std::optional<View<Vec3>> positions_view_;
   std::optional<View<ProjectStatus>> status_view_;
+  std::optional<View<std::uint8_t>> inverted_view_;  // of the positions relax() left
 };
 
 }  // namespace

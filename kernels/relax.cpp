@@ -6,24 +6,20 @@
 namespace isoskin::opencl {
 
 Relaxer::Relaxer(Device& device)
-    : elements_(device), cg_(device), sharpener_(device), vertex_normals_(device), inverted_(device) {}
+    : elements_(device),
+      cg_(device),
+      sharpener_(device),
+      vertex_normals_(device),
+      inverted_before_(device),
+      inverted_(device) {}
 
-RelaxReport Relaxer::relax(const DeviceField& field, ResidentMesh& mesh, Projector& projector, Normals& normals,
-                           const RelaxOptions& options, const ProjectOptions& project) {
-  check(options);
-  RelaxReport report;
-  if (options.steps <= 0 || mesh.vertex_count() == 0) {
-    report.steps = std::max(options.steps, 0);
-    return report;
-  }
+void Relaxer::launch(const DeviceField& field, ResidentMesh& mesh, Projector& projector, Normals& normals,
+                     const RelaxOptions& options, const ProjectOptions& project) {
   const float longest = options.max_move * options.edge_length;
-  vertex_normals_.resize(mesh.vertex_count());
-  inverted_.resize(mesh.triangle_count());
   cg_.reset();
-  for (; report.steps < options.steps; ++report.steps) {
-    normals.vertex_normals(field, mesh, vertex_normals_);
-    normals.mark_inverted(field, mesh, vertex_normals_, inverted_);
-    elements_.forces(mesh, vertex_normals_, inverted_, options);
+  for (steps_ = 0; steps_ < options.steps; ++steps_) {
+    mark_inverted(field, mesh, normals, inverted_before_);
+    elements_.forces(mesh, vertex_normals_, inverted_before_, options);
     cg_.solve(mesh, vertex_normals_, elements_, options);
     cg_.move(mesh, longest);
     projector.launch(field, mesh.positions, mesh.status, mesh.vertex_count(), project);
@@ -32,15 +28,26 @@ RelaxReport Relaxer::relax(const DeviceField& field, ResidentMesh& mesh, Project
       projector.launch(field, mesh.positions, mesh.status, mesh.vertex_count(), project);
     }
   }
-  CgState cg{};
-  cg_.fetch_state(cg);
-  View<std::uint8_t> inverted(inverted_, Access::read);
-  View<ProjectStatus> status(mesh.status, Access::read);
+  mark_inverted(field, mesh, normals, inverted_);
+}
+
+RelaxReport Relaxer::report() {
+  cg_.fetch_state(cg_state_);
+  View<std::uint8_t> inverted(inverted_before_, Access::read);
+  RelaxReport report;
+  report.steps = steps_;
   report.inverted = std::ranges::count(inverted.span(), 1);
-  report.quasi_critical = count_status(status.span()).quasi_critical;
-  report.cg_iterations = cg.iterations;
-  report.residual = cg.start > 0.0f ? std::sqrt(static_cast<double>(cg.rr) / cg.start) : 0.0;
+  report.cg_iterations = cg_state_.iterations;
+  report.residual = cg_state_.start > 0.0f ? std::sqrt(static_cast<double>(cg_state_.rr) / cg_state_.start) : 0.0;
   return report;
+}
+
+void Relaxer::mark_inverted(const DeviceField& field, ResidentMesh& mesh, Normals& normals,
+                            Array<std::uint8_t>& inverted) {
+  vertex_normals_.resize(mesh.vertex_count());
+  inverted.resize(mesh.triangle_count());
+  normals.vertex_normals(field, mesh, vertex_normals_);
+  normals.mark_inverted(field, mesh, vertex_normals_, inverted);
 }
 
 }  // namespace isoskin::opencl

@@ -77,7 +77,8 @@ Everything run_everything(opencl::Device& device) {
   relax.edge_length = 0.05f;
   relax.sharp = true;
   relax.cg_tolerance = 0.0f;
-  all.report = relaxer.relax(*field, mesh, projector, normals, relax, ProjectOptions{5e-6f, 0.02f, 16, 24});
+  relaxer.launch(*field, mesh, projector, normals, relax, ProjectOptions{5e-6f, 0.02f, 16, 24});
+  all.report = relaxer.report();
   mesh.positions.read(all.positions);
   return all;
 }

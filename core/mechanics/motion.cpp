@@ -84,6 +84,14 @@ void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backe
   if (!velocity) set_velocities(vertices, old, status, dt);
 }
 
+std::vector<Vec3> outward_normals(const std::vector<Vec3>& points, Backend& backend) {
+  std::vector<float> values(points.size());
+  std::vector<Vec3> normals(points.size());
+  backend.evaluate(points, values, normals);
+  for_each_index(normals.size(), [&](std::size_t i) { normals[i] = Vec3(outward_normal(DVec3(normals[i]))); });
+  return normals;
+}
+
 void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity) {
   for_each_index(mesh.vertex_count(), [&](std::size_t v) {
     mesh.vertices.velocity[v] = Vec3(velocity.velocity(DVec3(mesh.vertices.position[v])));

@@ -20,6 +20,10 @@ namespace isoskin {
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
              const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {}, const FlowOptions& flow = {});
 
+/// -grad F / |grad F| of the field the backend holds, zero where the gradient vanishes. As Backend::vertex_normals()
+/// but for rounding, without a mesh that would have to be made resident first.
+std::vector<Vec3> outward_normals(const std::vector<Vec3>& points, Backend& backend);
+
 /// The velocity column from the grid, at every vertex.
 void sample_velocities(TriangleMesh& mesh, const VelocityField& velocity);
 

@@ -31,10 +31,29 @@ struct Buckets {
   std::vector<Item> item;
 };
 
+/// As sort_into_buckets(), for so few that threads would only wait for each other.
+template <class Item, class BucketOf, class ItemOf>
+Buckets<Item> sort_few_into_buckets(std::size_t buckets, std::size_t n, const BucketOf& bucket, const ItemOf& item) {
+  Buckets<Item> out;
+  out.first.assign(buckets + 1, 0);
+  for (Index h = 0; h < n; ++h) ++out.first[bucket(h) + 1];
+  std::partial_sum(out.first.begin(), out.first.end(), out.first.begin());
+  out.item.resize(n);
+  std::vector<Index> slot(out.first.begin(), out.first.end() - 1);
+  for (Index h = 0; h < n; ++h) out.item[slot[bucket(h)]++] = item(h);
+  for (std::size_t b = 0; b < buckets; ++b) {
+    const auto begin = out.item.begin() + out.first[b], end = out.item.begin() + out.first[b + 1];
+    if (!std::is_sorted(begin, end)) std::sort(begin, end);
+  }
+  return out;
+}
+
 /// Counting sort of item(h), h < n, by bucket(h). Slots are taken in any order, then each small bucket is sorted, so
 /// the result is the same whatever the number of threads.
 template <class Item, class BucketOf, class ItemOf>
 Buckets<Item> sort_into_buckets(std::size_t buckets, std::size_t n, const BucketOf& bucket, const ItemOf& item) {
+  constexpr std::size_t kFew = 1 << 16;
+  if (n <= kFew) return sort_few_into_buckets<Item>(buckets, n, bucket, item);
   Buckets<Item> out;
   out.first.assign(buckets + 1, 0);
   for_each_index(
