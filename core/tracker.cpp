@@ -347,7 +347,7 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     {
       Step step(report, "predict");
       if (may_collide) before = mesh_.vertices;
-      predict(mesh_, frame.velocity.get(), seconds_to(frame), *backend_, options_.project,
+      predict(mesh_, frame.velocity.get(), seconds_to(frame), *frame.field, *backend_, options_.project,
               sleeping(mesh_.vertices, options_.sleep), flow);
     }
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;

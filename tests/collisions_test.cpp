@@ -58,7 +58,7 @@ Outcome follow(const Solid& before, const Solid& after) {
   std::vector<Ball> split;
   for (;; ++outcome.rounds) {
     TriangleMesh moved = outcome.mesh;
-    predict(moved, nullptr, 0.0, *backend, project);  // in no time: straight onto the surface
+    predict(moved, nullptr, 0.0, *field, *backend, project);  // in no time: straight onto the surface
     const int euler = euler_of(outcome.mesh);
     const CollisionReport report =
         handle_collisions(outcome.mesh, moved.vertices.position, *backend, *field, {}, split, options);

@@ -80,11 +80,13 @@ TEST(Flow, a_rim_that_has_outrun_the_skin_is_found_where_the_sheet_ends) {
   tracker.advance(first);
   const TriangleMesh& mesh = tracker.mechanical();
   const auto backend = make_reference_backend();
-  backend->set_field(std::make_shared<SheetField>(kTo, kHalf));
-  for (const bool follow : {false, true}) {
+  const auto after = std::make_shared<SheetField>(kTo, kHalf);
+  backend->set_field(after);
+  for (const auto& [follow, few] : {std::pair(false, 0), std::pair(true, 0), std::pair(true, 4096)}) {
     FlowOptions flow;
     flow.half_sheet = follow ? 1.5f * float(kHalf) : 0.0f;
-    const std::vector<Vec3> way = surface_flow(mesh, kStep, *backend, 0.06f, flow);
+    flow.few_walkers = few;
+    const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
     std::size_t rims = 0, arrived = 0;
     for (Index v = 0; v < mesh.vertex_count(); ++v) {
       const Vec3 &from = mesh.position(v), to = from + way[v];
@@ -106,8 +108,9 @@ TEST(Flow, a_body_that_moves_takes_all_of_its_skin_along) {
   const auto backend = make_reference_backend();
   constexpr int kFrames = 6;
   for (int frame = 1; frame <= kFrames; ++frame) {
-    backend->set_field(std::make_shared<SphereField>(DVec3(float(frame) * step), 1.0));
-    predict(mesh, nullptr, kStep, *backend, ProjectOptions{});
+    const auto sphere = std::make_shared<SphereField>(DVec3(float(frame) * step), 1.0);
+    backend->set_field(sphere);
+    predict(mesh, nullptr, kStep, *sphere, *backend, ProjectOptions{});
   }
   const float way = float(kFrames) * glm::length(step);
   for (Index v = 0; v < mesh.vertex_count(); ++v)
@@ -119,8 +122,9 @@ TEST(Flow, what_stands_still_stays_and_what_grows_grows_straight) {
   const std::vector<Vec3> start = mesh.vertices.position;
   const auto backend = make_reference_backend();
   for (const double radius : {1.0, 1.1}) {
-    backend->set_field(std::make_shared<SphereField>(DVec3(0.0), radius));
-    predict(mesh, nullptr, kStep, *backend, ProjectOptions{.tolerance = 1e-6f});
+    const auto sphere = std::make_shared<SphereField>(DVec3(0.0), radius);
+    backend->set_field(sphere);
+    predict(mesh, nullptr, kStep, *sphere, *backend, ProjectOptions{.tolerance = 1e-6f});
     for (Index v = 0; v < mesh.vertex_count(); ++v)
       ASSERT_LT(glm::distance(mesh.position(v), float(radius) * start[v]), 0.01f * float(radius)) << v;
   }

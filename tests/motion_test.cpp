@@ -48,7 +48,7 @@ TEST(Motion, prediction_with_a_velocity_grid_is_of_second_order) {
     TriangleMesh mesh = icosphere(3);
     sample_velocities(mesh, rotation);
     const std::vector<Vec3> old = mesh.vertices.position;
-    predict(mesh, &rotation, dt, *backend, ProjectOptions{.tolerance = 1e-7f});
+    predict(mesh, &rotation, dt, *sphere, *backend, ProjectOptions{.tolerance = 1e-7f});
     double worst = 0.0;
     for (Index v = 0; v < mesh.vertex_count(); ++v)
       worst = std::max(worst, glm::distance(DVec3(mesh.position(v)), turned(DVec3(old[v]), dt)));

@@ -9,6 +9,8 @@
 namespace isoskin {
 namespace {
 
+constexpr float kLeastSlope = 0.1f;  // of what a distance has: less is no direction to go by
+
 /// What displacements must be along one direction a vertex; zero directions ask for nothing.
 struct NormalParts {
   std::vector<Vec3> direction;
@@ -64,65 +66,122 @@ struct Walker {
   Vec3 at, heading;
 };
 
+/// The field where displaced vertices are.
+struct Landing {
+  std::vector<float> value;
+  std::vector<Vec3> gradient;
+};
+
+Landing landing_of(const TriangleMesh& mesh, const std::vector<Vec3>& displacement, Backend& backend) {
+  std::vector<Vec3> points(displacement.size());
+  for_each_index(points.size(), [&](std::size_t v) { points[v] = mesh.position(Index(v)) + displacement[v]; });
+  Landing landing{std::vector<float>(points.size()), std::vector<Vec3>(points.size())};
+  backend.evaluate(points, landing.value, landing.gradient);
+  return landing;
+}
+
 /// Vertices that their displacement leaves inside while the surface nearest to them faces elsewhere than they do: the
 /// rim of a sheet has outrun them. They walk on along the sheet, in the direction they face, until they come out of it
 /// at a rim again; those that turn back, or get where it is no sheet, stay where they were.
-void follow_rims(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Backend& backend,
-                 const FlowOptions& options, std::vector<Vec3>& displacement) {
-  constexpr float kLeastSlope = 0.1f;  // of what a distance has: less is no side to keep off from
-  constexpr float kAgree = 0.5f;       // cosine between what a vertex faces and what it comes out at
-  constexpr float kAlong = 0.5f;       // of a heading: less is a bump in the middle of the sheet, to be walked over
-  constexpr float kToMiddle = 0.5f;    // of a step
-  const float step = 0.25f * options.half_sheet;
-  std::vector<Walker> walkers(displacement.size());
-  for_each_index(walkers.size(), [&](std::size_t v) {
-    walkers[v] = {Index(v), mesh.position(Index(v)) + displacement[v], normals[v]};
-  });
-  for (int i = 0; i <= options.rim_steps && !walkers.empty(); ++i) {
+class RimWalk {
+public:
+  RimWalk(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const FlowOptions& options, Landing& landing,
+          std::vector<Vec3>& displacement)
+      : mesh_(mesh), normals_(normals), options_(options), landing_(landing), displacement_(displacement) {}
+
+  void follow(const Field& field, Backend& backend) {
+    std::vector<Walker> walkers(displacement_.size());
+    for_each_index(walkers.size(), [&](std::size_t v) {
+      walkers[v] = {Index(v), mesh_.position(Index(v)) + displacement_[v], normals_[v]};
+    });
+    keep_walking(walkers, [&](std::size_t w) {
+      Walker& walker = walkers[w];
+      const float value = landing_.value[w];
+      const Vec3 outward = outward_at(landing_.gradient[w]);
+      const bool outrun = value > 0.0f && glm::dot(outward, walker.heading) < kAgree;
+      return outrun && walk_on(walker, value, outward);
+    });
+    int steps = 0;
+    for (; steps < options_.rim_steps && walkers.size() > options_.few_walkers; ++steps) step_all(walkers, backend);
+    tbb::parallel_for(std::size_t(0), walkers.size(), [&](std::size_t w) {
+      const auto goes_on = [&](Walker& walker) {
+        const FieldSample here = field.sample(DVec3(walker.at));
+        return step(walker, float(here.value), Vec3(here.gradient));
+      };
+      for (int i = steps; i < options_.rim_steps && goes_on(walkers[w]); ++i) {
+      }
+    });
+  }
+
+private:
+  static constexpr float kAgree = 0.5f;     // cosine between what a vertex faces and what it comes out at
+  static constexpr float kAlong = 0.5f;     // of a heading: less is a bump amid the sheet, to be walked over
+  static constexpr float kToMiddle = 0.5f;  // of a step
+
+  static Vec3 outward_at(const Vec3& gradient) {
+    const float slope = glm::length(gradient);
+    return slope > kLeastSlope ? -gradient / slope : Vec3(0.0f);
+  }
+
+  template <class GoesOn>
+  static void keep_walking(std::vector<Walker>& walkers, const GoesOn& goes_on) {
+    std::size_t kept = 0;
+    for (std::size_t w = 0; w < walkers.size(); ++w)
+      if (goes_on(w)) walkers[kept++] = walkers[w];
+    walkers.resize(kept);
+  }
+
+  void step_all(std::vector<Walker>& walkers, Backend& backend) {
     std::vector<Vec3> points(walkers.size()), gradients(walkers.size());
     std::vector<float> values(walkers.size());
     for_each_index(points.size(), [&](std::size_t w) { points[w] = walkers[w].at; });
     backend.evaluate(points, values, gradients);
-    std::vector<Walker> walking;
-    for (std::size_t w = 0; w < walkers.size(); ++w) {
-      Walker walker = walkers[w];
-      const float slope = glm::length(gradients[w]);
-      const Vec3 outward = slope > kLeastSlope ? -gradients[w] / slope : Vec3(0.0f);
-      const float agree = glm::dot(outward, walker.heading);
-      if (i == 0 && (values[w] <= 0.0f || agree >= kAgree)) continue;  // nothing has outrun it
-      if (values[w] <= 0.0f && agree > kAgree) displacement[walker.vertex] = walker.at - mesh.position(walker.vertex);
-      if (values[w] <= 0.0f || !(values[w] <= options.half_sheet)) continue;
-      const Vec3 along = walker.heading - agree * outward;
-      if (glm::length(along) >= kAlong) walker.heading = normalized(along);
-      if (glm::dot(walker.heading, normals[walker.vertex]) < 0.0f) continue;
-      walker.at += step * (walker.heading - kToMiddle * outward);
-      walking.push_back(walker);
-    }
-    walkers = std::move(walking);
+    keep_walking(walkers, [&](std::size_t w) { return step(walkers[w], values[w], gradients[w]); });
   }
-}
+
+  /// Whether it walks on from where the field is this.
+  bool step(Walker& walker, float value, const Vec3& gradient) {
+    const Vec3 outward = outward_at(gradient);
+    const Index v = walker.vertex;
+    if (value <= 0.0f && glm::dot(outward, walker.heading) > kAgree) {
+      displacement_[v] = walker.at - mesh_.position(v);
+      landing_.value[v] = value;
+      landing_.gradient[v] = gradient;
+    }
+    return value > 0.0f && walk_on(walker, value, outward);
+  }
+
+  bool walk_on(Walker& walker, float value, const Vec3& outward) const {
+    if (!(value <= options_.half_sheet)) return false;
+    const Vec3 along = walker.heading - glm::dot(outward, walker.heading) * outward;
+    if (glm::length(along) >= kAlong) walker.heading = normalized(along);
+    if (glm::dot(walker.heading, normals_[walker.vertex]) < 0.0f) return false;
+    walker.at += 0.25f * options_.half_sheet * (walker.heading - kToMiddle * outward);
+    return true;
+  }
+
+  const TriangleMesh& mesh_;
+  const std::vector<Vec3>& normals_;
+  const FlowOptions& options_;
+  Landing& landing_;
+  std::vector<Vec3>& displacement_;
+};
 
 /// Where displaced vertices are near the surface: to land on it, along its normals there.
-void aim(const TriangleMesh& mesh, const std::vector<Vec3>& displacement, Backend& backend, float max_step,
-         NormalParts& known) {
-  constexpr float kLeastSlope = 0.1f;  // of what a distance has: less is no direction to go by
-  std::vector<Vec3> points(displacement.size()), gradients(displacement.size());
-  std::vector<float> values(displacement.size());
-  for_each_index(points.size(), [&](std::size_t v) { points[v] = mesh.position(Index(v)) + displacement[v]; });
-  backend.evaluate(points, values, gradients);
-  for_each_index(points.size(), [&](std::size_t v) {
-    const float slope = glm::length(gradients[v]);
+void aim(const Landing& landing, const std::vector<Vec3>& displacement, float max_step, NormalParts& known) {
+  for_each_index(displacement.size(), [&](std::size_t v) {
+    const float slope = glm::length(landing.gradient[v]);
     const bool steep = slope > kLeastSlope;
-    if (steep) known.direction[v] = -gradients[v] / slope;
-    const float step = steep ? std::clamp(values[v] / slope, -max_step, max_step) : 0.0f;
+    if (steep) known.direction[v] = -landing.gradient[v] / slope;
+    const float step = steep ? std::clamp(landing.value[v] / slope, -max_step, max_step) : 0.0f;
     known.length[v] = glm::dot(known.direction[v], displacement[v]) + step;
   });
 }
 
 }  // namespace
 
-std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, Backend& backend, float max_step,
-                               const FlowOptions& options) {
+std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field& field, Backend& backend,
+                               float max_step, const FlowOptions& options) {
   const VertexCorners corners = vertex_corners(mesh);
   std::vector<Index> neighbour(corners.corner.size());
   for_each_index(neighbour.size(), [&](std::size_t c) { neighbour[c] = mesh.to(corners.corner[c]); });
@@ -137,8 +196,9 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, Backend& bac
   sweep(corners, neighbour, known, options.sweeps, displacement);
   const std::vector<Vec3> normals = known.direction;
   for (int i = 0; i < options.aims; ++i) {
-    if (options.half_sheet > 0.0f) follow_rims(mesh, normals, backend, options, displacement);
-    aim(mesh, displacement, backend, max_step, known);
+    Landing landing = landing_of(mesh, displacement, backend);
+    if (options.half_sheet > 0.0f) RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
+    aim(landing, displacement, max_step, known);
     sweep(corners, neighbour, known, options.sweeps, displacement);
   }
   for (const auto& [v, straight] : small) displacement[v] = straight;

@@ -15,17 +15,19 @@ struct FlowOptions {
   // all.
   float half_sheet = 0.0f;
   int rim_steps = 40;  // of a quarter of half_sheet, at most, that a vertex follows a rim
-  int sweeps = 10;     // over the mesh before each and after the last; what is known travels an edge a sweep
+  // So many at once are walked with on the host: for them a batch a step would do nothing but wait.
+  std::size_t few_walkers = 4096;
+  int sweeps = 10;  // over the mesh before each and after the last; what is known travels an edge a sweep
 };
 
 /// The smoothest displacements over `dt` seconds with which vertices leave along their normals as fast as their
-/// velocities say and arrive on the surface of the field the backend holds (after Horn and Schunck 1981, whose images
-/// are meshes here; sweeps are weighted as Chebyshev's semi-iteration). The tangential part of the velocity column is
-/// the first guess. So the rim of a thin sheet takes the vertices behind it along instead of outrunning them. Where it
-/// did outrun them, as far as nothing beside them tells, they follow it within the sheet to where it ends. One
+/// velocities say and arrive on the surface of `field`, the backend's current one (after Horn and Schunck 1981, whose
+/// images are meshes here; sweeps are weighted as Chebyshev's semi-iteration). The tangential part of the velocity
+/// column is the first guess. So the rim of a thin sheet takes the vertices behind it along instead of outrunning them.
+/// Where it did outrun them, as far as nothing beside them tells, they follow it within the sheet to where it ends. One
 /// displacement a vertex; it does not end on the surface exactly. No step towards the surface is longer than
 /// `max_step`. Deterministic.
-std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, Backend& backend, float max_step,
-                               const FlowOptions& options = {});
+std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field& field, Backend& backend,
+                               float max_step, const FlowOptions& options = {});
 
 }  // namespace isoskin

@@ -54,11 +54,11 @@ EdgeWeights along_edges(const DVec3& d, const DVec3& edge_a, const DVec3& edge_b
 
 }  // namespace
 
-void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
+void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, const Field& field, Backend& backend,
              const ProjectOptions& options, const std::vector<std::uint8_t>& frozen, const FlowOptions& flow) {
   if (!frozen.empty()) {
     OpenPart part = open_part(mesh, frozen);
-    predict(part.mesh, velocity, dt, backend, options, {}, flow);
+    predict(part.mesh, velocity, dt, field, backend, options, {}, flow);
     for_each_index(frozen.size(), [&](std::size_t v) {
       if (frozen[v]) mesh.vertices.velocity[v] = Vec3(0.0f);
     });
@@ -75,7 +75,7 @@ void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backe
   if (velocity) {
     advect(vertices, *velocity, dt);
   } else if (dt > 0.0) {
-    const std::vector<Vec3> way = surface_flow(mesh, dt, backend, options.max_step, flow);
+    const std::vector<Vec3> way = surface_flow(mesh, dt, field, backend, options.max_step, flow);
     for_each_index(way.size(), [&](std::size_t v) { vertices.position[v] += way[v]; });
   }
   std::vector<ProjectStatus> status(mesh.vertex_count());

@@ -9,15 +9,15 @@
 
 namespace isoskin {
 
-/// Moves every vertex by its motion over `dt` seconds and projects it onto the field the backend holds. With `velocity`
-/// (of the time arrived at, world units a second) the motion is a step of Heun's method from the vertex's own velocity
-/// to the grid's; without it the surface's flow (flow.h). A vertex whose prediction finds no surface is projected from
-/// where it was. Afterwards the velocity column holds the motion made where there is no grid (zero where a vertex found
-/// no surface, or dt is 0): what a vertex slides later, when the skin relaxes, is not the surface's.
+/// Moves every vertex by its motion over `dt` seconds and projects it onto `field`, the backend's current one. With
+/// `velocity` (of the time arrived at, world units a second) the motion is a step of Heun's method from the vertex's
+/// own velocity to the grid's; without it the surface's flow (flow.h). A vertex whose prediction finds no surface is
+/// projected from where it was. Afterwards the velocity column holds the motion made where there is no grid (zero where
+/// a vertex found no surface, or dt is 0): what a vertex slides later, when the skin relaxes, is not the surface's.
 ///
 /// `frozen` (one byte a vertex, may be empty): such vertices stay where they are, their velocity becomes zero, and
 /// where all vertices about one are frozen nothing is computed.
-void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, Backend& backend,
+void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, const Field& field, Backend& backend,
              const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {}, const FlowOptions& flow = {});
 
 /// -grad F / |grad F| of the field the backend holds, zero where the gradient vanishes. As Backend::vertex_normals()
