@@ -31,7 +31,7 @@ void sample(benchmark::State& state) {
 void topology(benchmark::State& state) {
   const Fluid& f = fluid();
   for (auto _ : state) benchmark::DoNotOptimize(lattice_topology(f.lattice).piece_count());
-  state.counters["patches"] = static_cast<double>(f.topology.piece.size());
+  state.counters["crossings"] = static_cast<double>(f.topology.crossing_count);
 }
 
 void triangulate(benchmark::State& state) {

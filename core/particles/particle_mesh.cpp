@@ -23,7 +23,7 @@ std::vector<Vec3> random_starts(const BrickLattice& lattice, const LatticeTopolo
                                 const ParticleMeshOptions& options) {
   std::vector<Index> bricks;
   for (Index b = 0; b < lattice.brick_count(); ++b)
-    if (topology.first_cell[b] < topology.first_cell[b + 1]) bricks.push_back(b);
+    if (!topology.parts[b].part.empty()) bricks.push_back(b);
   const double area = area_seen(lattice, topology);
   std::vector<Vec3> starts(std::size_t(std::ceil(options.starts * area / (options.edge_length * options.edge_length))));
   const auto draw = [&](std::size_t i, std::uint64_t entry) {

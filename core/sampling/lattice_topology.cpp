@@ -21,7 +21,6 @@ namespace {
 using sampling::cell_corner;
 using sampling::for_bricks;
 using sampling::for_each_crossing;
-using sampling::offsets_from_counts;
 
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
@@ -32,10 +31,55 @@ Index same_as(const BrickLattice& lattice, const LatticeTopology& before, std::s
   return before.parts.empty() || lattice.same_as.empty() ? kNone : lattice.same_as[brick];
 }
 
-void find_cells_and_crossings(const BrickLattice& lattice, const LatticeTopology& before, LatticeTopology& t) {
+/// Whether signs tell the shape of such a cell, and it is one loop.
+const std::array<bool, 256>& told_by_signs() {
+  static const std::array<bool, 256> told = [] {
+    std::array<bool, 256> all{};
+    for (unsigned signs = 1; signs < 255; ++signs)
+      all[signs] = ambiguous_faces(signs) == 0 && shape(plain_shape(signs)).loops == 1;
+    return all;
+  }();
+  return told;
+}
+
+/// Crossings and, where signs do not tell them, cells of a brick with corners of both signs.
+void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t, std::size_t b) {
+  const BrickSigns& signs = t.signs[b];
+  BrickCrossings& c = t.crossings[b];
+  const std::array<bool, 256>& told = told_by_signs();
+  bool all_told = true;
+  for (int x = 0; x < kCells; ++x)
+    for (int y = 0; y < kCells; ++y) {
+      const unsigned r = signs.at(x, y);
+      c.mask[x] |= std::uint64_t{(r ^ signs.at(x + 1, y)) & 0xff} << 8 * y;
+      c.mask[8 + x] |= std::uint64_t{(r ^ signs.at(x, y + 1)) & 0xff} << 8 * y;
+      c.mask[16 + x] |= std::uint64_t{(r ^ r >> 1) & 0xff} << 8 * y;
+      for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1)
+        all_told &= told[signs.cell_signs(x, y, std::countr_zero(cells))];
+    }
+  for (int w = 1; w < 24; ++w) c.before[w] = static_cast<std::uint16_t>(c.before[w - 1] + std::popcount(c.mask[w - 1]));
+  if (all_told) return;
+  std::vector<SurfaceCell> cells;
+  const float* value = &lattice.value[b * kValues];
+  sampling::for_each_surface_cell(t, b, [&](SurfaceCell cell) {
+    const IVec3 local = cell_corner(cell.cell), at = lattice.coordinate[b] * kCells + local;
+    if (ambiguous_faces(signs.cell_signs(local.x, local.y, local.z)) != 0) {
+      std::array<float, 8> v;
+      for (int i = 0; i < 8; ++i) v[i] = value[BrickLattice::corner_index(local + IVec3(i & 1, i >> 1 & 1, i >> 2))];
+      cell.shape = find_shape(lattice, at, v);
+    }
+    cell.patches = shape(cell.shape).loops;
+    cell.tunnel = cell.patches == 2 && lattice.has_tunnel(at);
+    cell.first_patch = cells.empty() ? 0 : static_cast<std::uint16_t>(cells.back().first_patch + cells.back().patches);
+    cells.push_back(cell);
+  });
+  t.cells[b] = std::move(cells);
+}
+
+void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& before, LatticeTopology& t) {
   const std::size_t bricks = lattice.brick_count();
-  t.first_cell.assign(bricks + 1, 0);
   t.crossings.resize(bricks);
+  t.cells.resize(bricks);
   t.upper.resize(bricks);
   t.signs.resize(bricks);
   for_bricks(bricks, [&](std::size_t b) {
@@ -44,77 +88,17 @@ void find_cells_and_crossings(const BrickLattice& lattice, const LatticeTopology
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
     if (const Index old = same_as(lattice, before, b); old != kNone) {
       t.signs[b] = before.signs[old];
-      t.first_cell[b] = before.first_cell[old + 1] - before.first_cell[old];
+      t.cells[b] = std::move(before.cells[old]);
       t.crossings[b] = before.crossings[old];
-      t.crossings[b].first = before.crossings[old].size();
-      return;
+    } else {
+      t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
+      if (t.signs[b].mixed()) find_cells_and_crossings(lattice, t, b);
     }
-    const BrickSigns signs = t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
-    if (!signs.mixed()) return;
-    BrickCrossings& c = t.crossings[b];
-    Index cells = 0;
-    for (int x = 0; x < kCells; ++x) {
-      std::uint64_t surface = 0;
-      for (int y = 0; y < kCells; ++y) {
-        surface |= std::uint64_t{signs.surface_cells(x, y)} << 8 * y;
-        const unsigned r = signs.at(x, y);
-        c.mask[x] |= std::uint64_t{(r ^ signs.at(x + 1, y)) & 0xff} << 8 * y;
-        c.mask[8 + x] |= std::uint64_t{(r ^ signs.at(x, y + 1)) & 0xff} << 8 * y;
-        c.mask[16 + x] |= std::uint64_t{(r ^ r >> 1) & 0xff} << 8 * y;
-      }
-      cells += static_cast<Index>(std::popcount(surface));
-    }
-    t.first_cell[b] = cells;
-    for (int w = 1; w < 24; ++w)
-      c.before[w] = static_cast<std::uint16_t>(c.before[w - 1] + std::popcount(c.mask[w - 1]));
-    c.first = c.size();  // for now
   });
-  const Index cells = offsets_from_counts(t.first_cell);
-  Index crossings = 0;
-  for (BrickCrossings& c : t.crossings) crossings += std::exchange(c.first, crossings);
-  t.cell.resize(cells);
-  t.shape.resize(cells);
-  t.tunnel.resize(cells);
-  t.first_patch.assign(std::size_t{cells} + 1, 0);
-  t.crossing_count = crossings;
-}
-
-void fill_cells(const BrickLattice& lattice, const LatticeTopology& before, LatticeTopology& t) {
-  for_bricks(lattice.brick_count(), [&](std::size_t b) {
-    if (t.first_cell[b] == t.first_cell[b + 1]) return;
-    Index at = t.first_cell[b];
-    if (const Index old = same_as(lattice, before, b); old != kNone) {
-      for (Index c = before.first_cell[old]; c < before.first_cell[old + 1]; ++c, ++at) {
-        t.cell[at] = before.cell[c];
-        t.shape[at] = before.shape[c];
-        t.tunnel[at] = before.tunnel[c];
-        t.first_patch[at] = before.first_patch[c + 1] - before.first_patch[c];
-      }
-      return;
-    }
-    const float* value = &lattice.value[b * kValues];
-    const BrickSigns& signs = t.signs[b];
-    for (int x = 0; x < kCells; ++x)
-      for (int y = 0; y < kCells; ++y)
-        for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
-          const int z = std::countr_zero(cells);
-          const unsigned of_cell = signs.cell_signs(x, y, z);
-          const IVec3 cell = lattice.coordinate[b] * kCells + IVec3(x, y, z);
-          t.cell[at] = static_cast<std::uint16_t>((x * kCells + y) * kCells + z);
-          if (ambiguous_faces(of_cell) == 0) {
-            t.shape[at] = plain_shape(of_cell);
-          } else {
-            std::array<float, 8> v;
-            for (int c = 0; c < 8; ++c)
-              v[c] = value[BrickLattice::corner_index({x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)})];
-            t.shape[at] = find_shape(lattice, cell, v);
-          }
-          t.tunnel[at] = shape(t.shape[at]).loops == 2 && lattice.has_tunnel(cell);
-          t.first_patch[at] = shape(t.shape[at]).loops;
-          ++at;
-        }
-  });
-  t.piece.resize(offsets_from_counts(t.first_patch));
+  for (BrickCrossings& c : t.crossings) {
+    c.first = t.crossing_count;
+    t.crossing_count += c.size();
+  }
 }
 
 [[noreturn]] void throw_open(const BrickLattice& lattice, Index brick) {
@@ -203,15 +187,18 @@ constexpr std::array<Shared, 8> kShared = shared_crossings();
 /// Finds the parts of one brick after another.
 class PartFinder {
 public:
-  BrickParts find(const BrickLattice& lattice, const LatticeTopology& t, Index brick) {
+  /// Fills the brick's cells where there are several parts.
+  BrickParts find(const BrickLattice& lattice, LatticeTopology& t, Index brick) {
     parts_ = {};
     check_closed(lattice, t, brick);
-    const Index cells = t.first_cell[brick + 1] - t.first_cell[brick];
-    const Index patches = t.first_patch[t.first_cell[brick + 1]] - t.first_patch[t.first_cell[brick]];
-    if (cells == patches && hangs_together(t.signs[brick]))  // one loop a cell
-      parts_.part.emplace_back().euler = int(patches) - int(t.crossings[brick].size());
-    else
+    if (!t.cells[brick].empty() || !hangs_together(t.signs[brick])) {
       tell_apart(t, brick);
+    } else {
+      int patches = 0;
+      for (int row = 0; row < kCells * kCells; ++row)
+        patches += std::popcount(t.signs[brick].surface_cells(row / kCells, row % kCells));
+      parts_.part.emplace_back().euler = patches - int(t.crossings[brick].size());
+    }
     measure(lattice, t, brick);
     return std::move(parts_);
   }
@@ -234,9 +221,15 @@ private:
       if (t.upper[brick][i] == kNone && t.signs[brick].crosses({i >> 2, i >> 1 & 1, i & 1})) throw_open(lattice, brick);
   }
 
-  void tell_apart(const LatticeTopology& t, Index brick) {
+  void tell_apart(LatticeTopology& t, Index brick) {
+    std::vector<SurfaceCell>& cells = t.cells[brick];
+    if (cells.empty()) {
+      std::vector<SurfaceCell> all;
+      sampling::for_each_surface_cell(t, brick, [&](const SurfaceCell& cell) { all.push_back(cell); });
+      cells = std::move(all);
+    }
     number_crossings(t, brick);
-    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) join(t, at);
+    for (const SurfaceCell& cell : cells) join(cell);
     number_parts(t, brick);
     if (parts_.part.size() > 1) return;
     parts_.of_patch.clear();
@@ -287,36 +280,36 @@ private:
   std::uint16_t crossing(int cell_slot, std::uint8_t edge) const { return number_[cell_slot + slots_[edge]]; }
   static int cell_slot(std::uint16_t cell) { return BrickLattice::corner_index(cell_corner(cell)); }
 
-  void join(const LatticeTopology& t, Index at) {
-    const CellShape& s = shapes_[t.shape[at]];
-    const int slot = cell_slot(t.cell[at]);
+  void join(const SurfaceCell& cell) {
+    const CellShape& s = shapes_[cell.shape];
+    const int slot = cell_slot(cell.cell);
     for (int l = 0; l < s.loops; ++l) {
       std::uint16_t set = root(crossing(slot, s.edge[s.first[l]]));
       for (int k = s.first[l] + 1; k < s.first[l + 1]; ++k) set = unite(set, crossing(slot, s.edge[k]));
     }
-    if (t.tunnel[at]) unite(root(crossing(slot, s.edge[s.first[0]])), crossing(slot, s.edge[s.first[1]]));
+    if (cell.tunnel) unite(root(crossing(slot, s.edge[s.first[0]])), crossing(slot, s.edge[s.first[1]]));
   }
 
   void number_parts(const LatticeTopology& t, Index brick) {
     auto& part = parts_.part;
-    const Index first = t.first_patch[t.first_cell[brick]];
-    parts_.of_patch.resize(t.first_patch[t.first_cell[brick + 1]] - first);
+    const SurfaceCell& last = t.cells[brick].back();
+    parts_.of_patch.resize(std::size_t{last.first_patch} + last.patches);
     parts_.of_crossing.resize(own_);
     for (std::uint16_t& parent : parent_) parent = parent_[parent];  // never later than its child: now all are roots
     part_of_root_.assign(slot_.size(), kNone);
-    for (Index at = t.first_cell[brick]; at < t.first_cell[brick + 1]; ++at) {
-      const CellShape& s = shapes_[t.shape[at]];
-      const int slot = cell_slot(t.cell[at]);
+    for (const SurfaceCell& cell : t.cells[brick]) {
+      const CellShape& s = shapes_[cell.shape];
+      const int slot = cell_slot(cell.cell);
       for (int l = 0; l < s.loops; ++l) {
         Index& number = part_of_root_[parent_[crossing(slot, s.edge[s.first[l]])]];
         if (number == kNone) {
           number = static_cast<Index>(part.size());
           part.emplace_back();
         }
-        parts_.of_patch[t.first_patch[at] + l - first] = static_cast<std::uint16_t>(number);
+        parts_.of_patch[cell.first_patch + l] = static_cast<std::uint16_t>(number);
         ++part[number].euler;
       }
-      if (t.tunnel[at]) part[parts_.of_patch[t.first_patch[at] - first]].euler -= 2;  // an annulus instead of two discs
+      if (cell.tunnel) part[parts_.of_patch[cell.first_patch]].euler -= 2;  // an annulus instead of two discs
     }
     // Every crossing lies on four patches and has four segments, each shared by two of them: V - E + F = F - V.
     for (std::size_t i = 0; i < own_; ++i) {
@@ -379,7 +372,7 @@ void find_parts(const BrickLattice& lattice, LatticeTopology& before, LatticeTop
   t.parts.resize(lattice.brick_count());
   tbb::enumerable_thread_specific<PartFinder> finder;
   for_bricks(t.parts.size(), [&](std::size_t b) {
-    if (t.first_cell[b] == t.first_cell[b + 1]) return;
+    if (!t.signs[b].mixed()) return;
     const Index old = same_as(lattice, before, b);
     if (old == kNone || !parts_stay(lattice, before, t, b, old)) {
       t.parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
@@ -440,23 +433,9 @@ void join_parts(const BrickLattice& lattice, LatticeTopology& t) {
       t.volume[p] += (part.volume + glm::dot(offset, DVec3(part.faces)) / 3.0) * std::pow(lattice.spacing, 3);
       t.box[p].add(part.box);
     }
-  for_bricks(bricks.size(), [&](std::size_t b) {
-    const Index first = t.first_patch[t.first_cell[b]], end = t.first_patch[t.first_cell[b + 1]];
-    const BrickParts& parts = bricks[b];
-    for (Index patch = first; patch < end; ++patch)
-      t.piece[patch] = t.part_piece[t.first_part[b] + (parts.of_patch.empty() ? 0 : parts.of_patch[patch - first])];
-  });
 }
 
 }  // namespace
-
-std::pair<Index, Index> LatticeTopology::patches(Index brick, int cell_in_brick) const {
-  const auto begin = cell.begin() + first_cell[brick], end = cell.begin() + first_cell[brick + 1];
-  const auto found = std::lower_bound(begin, end, cell_in_brick);
-  if (found == end || *found != cell_in_brick) return {0, 0};
-  const auto at = found - cell.begin();
-  return {first_patch[at], first_patch[at + 1]};
-}
 
 Index LatticeTopology::crossing(Index brick, IVec3 corner, int axis) const {
   const int up = (corner.x == kCells) << 2 | (corner.y == kCells) << 1 | (corner.z == kCells);
@@ -482,7 +461,6 @@ Index LatticeTopology::crossing_piece(Index brick, IVec3 corner, int axis) const
 LatticeTopology lattice_topology(const BrickLattice& lattice, LatticeTopology before) {
   LatticeTopology t;
   find_cells_and_crossings(lattice, before, t);
-  fill_cells(lattice, before, t);
   find_parts(lattice, before, t);
   join_parts(lattice, t);
   return t;

@@ -14,20 +14,20 @@ namespace {
 using sampling::cell_corner;
 using sampling::for_bricks;
 using sampling::for_each_crossing;
+using sampling::for_each_surface_cell;
 using sampling::offsets_from_counts;
 
 constexpr int kCells = BrickLattice::kCells;
 
 /// Crossing numbers of the edges of one surface cell's loops.
-std::array<Index, 12> cell_crossings(const LatticeTopology& t, Index brick, Index at) {
-  const CellShape& s = shape(t.shape[at]);
+std::array<Index, 12> cell_crossings(const LatticeTopology& t, Index brick, const SurfaceCell& cell) {
+  const CellShape& s = shape(cell.shape);
   std::array<Index, 12> crossing;
   crossing.fill(kNone);
   for (int k = 0; k < s.first[s.loops]; ++k) {
     const CellEdge e = cell_edge(s.edge[k]);
-    const IVec3 corner = cell_corner(t.cell[at]) + IVec3(e.low[0], e.low[1], e.low[2]);
-    const Index c = t.crossing(brick, corner, e.axis);
-    crossing[s.edge[k]] = c;
+    const IVec3 corner = cell_corner(cell.cell) + IVec3(e.low[0], e.low[1], e.low[2]);
+    crossing[s.edge[k]] = t.crossing(brick, corner, e.axis);
   }
   return crossing;
 }
@@ -41,15 +41,15 @@ Vec3 crossing_point(const BrickLattice& lattice, Index brick, const IVec3& corne
   return Vec3(lattice.origin + lattice.spacing * (DVec3(whole - in_brick) + point));
 }
 
-CellSurface surface_in_cell(const BrickLattice& lattice, const LatticeTopology& t, Index brick, Index at) {
-  const CellShape& s = shape(t.shape[at]);
+CellSurface surface_in_cell(const BrickLattice& lattice, Index brick, const SurfaceCell& cell) {
+  const CellShape& s = shape(cell.shape);
   CellCrossings point;
   for (int k = 0; k < s.first[s.loops]; ++k) {
     const CellEdge e = cell_edge(s.edge[k]);
-    const IVec3 corner = cell_corner(t.cell[at]) + IVec3(e.low[0], e.low[1], e.low[2]);
+    const IVec3 corner = cell_corner(cell.cell) + IVec3(e.low[0], e.low[1], e.low[2]);
     point[s.edge[k]] = DVec3(crossing_point(lattice, brick, corner, e.axis));
   }
-  return cell_surface(s, t.tunnel[at], point);
+  return cell_surface(s, cell.tunnel, point);
 }
 
 /// Triangles of some of the patches, with the piece of every vertex.
@@ -59,22 +59,24 @@ struct Triangulation {
   std::vector<Index> piece;
 };
 
-/// Cuts the patches for which is_wanted(brick, patch) holds. `vertex`: 1 for every crossing they use, and one entry
-/// more. Vertices are those crossings in order, then the centres of loops in order of their bricks.
+/// Cuts the patches for which is_wanted(brick, patch) holds, by the patch's number in the brick. `vertex`: 1 for every
+/// crossing they use, and one entry more. Vertices are those crossings in order, then the centres of loops in order of
+/// their bricks.
 template <class Wanted>
 Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t, const Wanted& is_wanted,
                           std::vector<Index> vertex) {
   const std::size_t bricks = lattice.brick_count();
   std::vector<Index> first_triangle(bricks + 1, 0), first_centre(bricks + 1, 0);
   for_bricks(bricks, [&](std::size_t b) {
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
-      const CellShape& s = shape(t.shape[at]);
+    if (t.parts[b].part.empty()) return;
+    for_each_surface_cell(t, b, [&](const SurfaceCell& cell) {
+      const CellShape& s = shape(cell.shape);
       for (int l = 0; l < s.loops; ++l) {
-        if (!is_wanted(b, t.first_patch[at] + l)) continue;
-        first_triangle[b] += static_cast<Index>(triangle_count(s, t.tunnel[at], l));
-        first_centre[b] += static_cast<Index>(extra_count(s, t.tunnel[at], l));
+        if (!is_wanted(b, cell.first_patch + l)) continue;
+        first_triangle[b] += static_cast<Index>(triangle_count(s, cell.tunnel, l));
+        first_centre[b] += static_cast<Index>(extra_count(s, cell.tunnel, l));
       }
-    }
+    });
   });
   Triangulation out;
   std::vector<std::uint8_t> used(t.crossing_count);
@@ -97,26 +99,26 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
     std::size_t corner = std::size_t{first_triangle[b]} * 3;
     Index centre = crossings + first_centre[b];
     if (first_triangle[b] == first_triangle[b + 1]) return;
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at) {
+    for_each_surface_cell(t, b, [&](const SurfaceCell& cell) {
       bool wanted = false;
-      for (Index patch = t.first_patch[at]; patch < t.first_patch[at + 1]; ++patch) wanted |= is_wanted(b, patch);
-      if (!wanted) continue;
-      const std::array<Index, 12> crossing = cell_crossings(t, static_cast<Index>(b), at);
-      const CellSurface surface = surface_in_cell(lattice, t, static_cast<Index>(b), at);
+      for (Index patch = 0; patch < cell.patches; ++patch) wanted |= is_wanted(b, cell.first_patch + patch);
+      if (!wanted) return;
+      const std::array<Index, 12> crossing = cell_crossings(t, static_cast<Index>(b), cell);
+      const CellSurface surface = surface_in_cell(lattice, static_cast<Index>(b), cell);
       std::array<Index, 4> extra{};
       for (int i = 0; i < surface.extras; ++i) {
-        const Index patch = t.first_patch[at] + surface.loop_of_extra[i];
+        const Index patch = cell.first_patch + surface.loop_of_extra[i];
         if (!is_wanted(b, patch)) continue;
         extra[i] = centre;
         out.position[centre] = Vec3(surface.extra[i]);
-        out.piece[centre++] = t.piece[patch];
+        out.piece[centre++] = t.piece_of_patch(static_cast<Index>(b), patch);
       }
       for (int k = 0; k < surface.triangles; ++k) {
-        if (!is_wanted(b, t.first_patch[at] + surface.loop_of_triangle[k])) continue;
+        if (!is_wanted(b, cell.first_patch + surface.loop_of_triangle[k])) continue;
         for (const std::uint8_t c : surface.triangle[k])
           out.triangle[corner++] = c < 12 ? vertex[crossing[c]] : extra[c - 12];
       }
-    }
+    });
   });
   return out;
 }
@@ -134,7 +136,8 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
       vertex[t.crossings[b].first + n] = is_wanted(t.piece_of_crossing(static_cast<Index>(b), n));
   });
   Triangulation soup = triangulate(
-      lattice, t, [&](std::size_t, Index patch) { return is_wanted(t.piece[patch]); }, std::move(vertex));
+      lattice, t, [&](std::size_t b, Index patch) { return is_wanted(t.piece_of_patch(static_cast<Index>(b), patch)); },
+      std::move(vertex));
 
   TriangleMesh mesh;
   mesh.vertex = std::move(soup.triangle);
@@ -153,9 +156,10 @@ OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopolo
   std::vector<Index> vertex(std::size_t{t.crossing_count} + 1, 0);
   for_bricks(lattice.brick_count(), [&](std::size_t b) {
     if (!wanted_brick[b]) return;
-    for (Index at = t.first_cell[b]; at < t.first_cell[b + 1]; ++at)
-      for (const Index c : cell_crossings(t, static_cast<Index>(b), at))
+    for_each_surface_cell(t, b, [&](const SurfaceCell& cell) {
+      for (const Index c : cell_crossings(t, static_cast<Index>(b), cell))
         if (c != kNone) std::atomic_ref(vertex[c]).store(1, std::memory_order_relaxed);  // bricks share crossings
+    });
   });
   Triangulation soup = triangulate(
       lattice, t, [&](std::size_t b, Index) { return wanted_brick[b] != 0; }, std::move(vertex));

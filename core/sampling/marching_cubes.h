@@ -1,10 +1,10 @@
 // Marching cubes on a BrickLattice: a closed, oriented 2-manifold whatever the signs (design 8).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -21,6 +21,17 @@ struct BrickCrossings {
   Index first = 0;                         // of this brick
 
   Index size() const { return static_cast<Index>(before[23] + std::popcount(mask[23])); }
+};
+
+/// A cell of a brick that the surface crosses.
+struct SurfaceCell {
+  std::uint16_t cell = 0;         // (x * 8 + y) * 8 + z
+  std::uint16_t shape = 0;        // see cell_shapes.h
+  std::uint16_t first_patch = 0;  // of the brick's; the others follow it
+  std::uint8_t patches = 0;
+  bool tunnel = false;  // its two loops bound an annulus, not two discs
+
+  bool operator==(const SurfaceCell& other) const = default;
 };
 
 /// What hangs together within one brick; the brick's *parts* of pieces are numbered by their first patch.
@@ -40,9 +51,10 @@ struct BrickParts {
   };
   std::vector<Part> part;
   // Empty where there is one part:
-  std::vector<std::uint16_t> of_patch, of_crossing;  // parts, of the patches and crossings of the brick
+  std::vector<std::uint16_t> of_patch, of_crossing;  // parts, of the brick's patches and own crossings
   std::vector<Link> link;
 
+  Index part_of_patch(Index number) const { return of_patch.empty() ? 0 : of_patch[number]; }
   Index part_of_crossing(Index number) const { return of_crossing.empty() ? 0 : of_crossing[number]; }
 };
 
@@ -50,14 +62,10 @@ struct BrickParts {
 /// lattice edge; a *patch* is one loop of crossings in one cell (a cell holds up to four); pieces join patches that
 /// share a crossing.
 struct LatticeTopology {
-  std::vector<BrickSigns> signs;          // per brick
-  std::vector<Index> first_cell;          // per brick: its surface cells, CSR; size bricks + 1
-  std::vector<std::uint16_t> cell;        // surface cells, ascending in each brick: (x * 8 + y) * 8 + z
-  std::vector<std::uint16_t> shape;       // per surface cell, see cell_shapes.h
-  std::vector<std::uint8_t> tunnel;       // per surface cell: 1 when its two loops bound an annulus, not two discs
-  std::vector<Index> first_patch;         // per surface cell, CSR; size cells + 1
-  std::vector<Index> piece;               // per patch
-  std::vector<BrickCrossings> crossings;  // per brick
+  std::vector<BrickSigns> signs;                // per brick
+  std::vector<std::vector<SurfaceCell>> cells;  // per brick, ascending; empty where all cells are of one part and have
+                                                // the one loop that their signs tell
+  std::vector<BrickCrossings> crossings;        // per brick
   Index crossing_count = 0;
   std::vector<std::array<Index, 8>>
       upper;  // per brick: neighbour at offset (i >> 2, i >> 1 & 1, i & 1), kNone if absent
@@ -72,8 +80,23 @@ struct LatticeTopology {
   std::vector<Box> box;        // per piece: bounds of its crossings
 
   std::size_t piece_count() const { return euler.size(); }
-  /// Patches [first, second) in cell (x * 8 + y) * 8 + z of a brick; empty where the surface is not.
-  std::pair<Index, Index> patches(Index brick, int cell_in_brick) const;
+  /// Calls visit(piece) for every patch in cell (x * 8 + y) * 8 + z of a brick.
+  template <class Visit>
+  void for_pieces_in_cell(Index brick, int cell, const Visit& visit) const {
+    const auto& told = cells[brick];
+    if (told.empty()) {
+      if (signs[brick].surface_cells(cell >> 6, cell >> 3 & 7) >> (cell & 7) & 1) visit(part_piece[first_part[brick]]);
+      return;
+    }
+    const auto at = std::lower_bound(told.begin(), told.end(), cell,
+                                     [](const SurfaceCell& c, int number) { return c.cell < number; });
+    if (at == told.end() || at->cell != cell) return;
+    for (Index patch = 0; patch < at->patches; ++patch) visit(piece_of_patch(brick, at->first_patch + patch));
+  }
+  /// The piece of a brick's patch, by its number in the brick.
+  Index piece_of_patch(Index brick, Index number) const {
+    return part_piece[first_part[brick] + parts[brick].part_of_patch(number)];
+  }
   /// Crossing of the lattice edge that starts at corner (0..8 on each axis) of a brick, along `axis`; kNone if there is
   /// none.
   Index crossing(Index brick, IVec3 corner, int axis) const;

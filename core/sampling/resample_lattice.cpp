@@ -191,7 +191,8 @@ BrickLattice resample_lattice(BrickLattice before, const FieldChanges& changes, 
   Resampling resampling(std::move(before), changes, field, backend);
   const bool resampled = resampling.run(max_bricks);
   BrickLattice lattice = resampling.finish();
-  return resampled ? lattice : sampling::sample_anew(std::move(lattice), field, backend, spacing, max_bricks);
+  if (resampled) return lattice;
+  return sampling::sample_anew(std::move(lattice), field, backend, spacing, max_bricks);
 }
 
 }  // namespace isoskin

@@ -10,6 +10,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/sampling/cell_shapes.h"
 #include "core/sampling/cell_surface.h"
 #include "core/sampling/marching_cubes.h"
 
@@ -44,6 +45,23 @@ void for_each_crossing(const BrickCrossings& crossings, const Visit& visit) {
       const int bit = std::countr_zero(bits);
       visit(number++, IVec3(word % 8, bit / 8, bit % 8), word / 8);
     }
+}
+
+/// Calls visit(SurfaceCell) for the cells of a brick that the surface crosses, ascending.
+template <class Visit>
+void for_each_surface_cell(const LatticeTopology& t, std::size_t brick, const Visit& visit) {
+  constexpr int kCells = BrickLattice::kCells;
+  for (const SurfaceCell& cell : t.cells[brick]) visit(cell);
+  if (!t.cells[brick].empty()) return;
+  const BrickSigns& signs = t.signs[brick];
+  std::uint16_t patch = 0;
+  for (int x = 0; x < kCells; ++x)
+    for (int y = 0; y < kCells; ++y)
+      for (unsigned cells = signs.surface_cells(x, y); cells; cells &= cells - 1) {
+        const int z = std::countr_zero(cells);
+        visit(SurfaceCell{static_cast<std::uint16_t>((x * kCells + y) * kCells + z),
+                          plain_shape(signs.cell_signs(x, y, z)), patch++, 1, false});
+      }
 }
 
 /// How far along the lattice edge that starts at a brick's corner the surface crosses it. `value`: of the brick.

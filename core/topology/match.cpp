@@ -37,8 +37,7 @@ void for_pieces_in_cell(const BrickLattice& lattice, const LatticeTopology& topo
                         const Visit& visit) {
   const Index brick = lattice.find({cell.x >> 3, cell.y >> 3, cell.z >> 3});
   if (brick == kNone) return;
-  const auto [first, last] = topology.patches(brick, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7));
-  for (Index p = first; p < last; ++p) visit(topology.piece[p]);
+  topology.for_pieces_in_cell(brick, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7), visit);
 }
 
 /// The one piece with patches in a cell; kNone without any, kSeveral with more than one.
