@@ -207,6 +207,7 @@ Tracker::Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options)
 void Tracker::resume(TriangleMesh mechanical, const FieldFrame& last,
                      const std::optional<std::vector<DVec3>>& critical_points) {
   mesh_ = std::move(mechanical);
+  geometric_ = {};
   last_field_ = last.field;
   time_ = last.time;
   started_ = true;
@@ -248,8 +249,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    geometric_ = geometric_mesh(mesh_, *frame.field, evidence.lattice, evidence.topology, *backend_,
-                                {options_.refine, options_.project, options_.edge_length, certify_options()});
+    geometric_.update(mesh_, *frame.field, last_field_ ? &changes_ : nullptr, evidence.lattice, evidence.topology,
+                      *backend_, {options_.refine, options_.project, options_.edge_length, certify_options()});
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
@@ -260,11 +261,11 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   report.survived = share_surviving(before, after);
   report.inherited = before.empty() ? 0.0 : double(count_in_all(before, after, inherited_)) / double(before.size());
   report.mechanical_triangles = mesh_.triangle_count();
-  report.geometric_triangles = geometric_.mesh.triangle_count();
+  report.geometric_triangles = geometric().mesh.triangle_count();
   report.mechanical = shape_statistics(mesh_);
-  report.geometric = shape_statistics(geometric_.mesh);
+  report.geometric = shape_statistics(geometric().mesh);
   if (options_.validate)
-    for (const TriangleMesh* mesh : {&mesh_, &geometric_.mesh})
+    for (const TriangleMesh* mesh : {&std::as_const(mesh_), &geometric().mesh})
       if (const ValidateReport valid = validate(*mesh); !valid)
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
   last_field_ = lattice_field_ = frame.field;

@@ -133,7 +133,7 @@ public:
 
   const TriangleMesh& mechanical() const { return mesh_; }
   const std::vector<Vec3>& mechanical_normals() const { return normals_; }
-  const GeometricMesh& geometric() const { return geometric_; }
+  const GeometricMesh& geometric() const { return geometric_.mesh(); }
   const std::vector<LedgerEntry>& ledger() const { return ledger_; }  // of the last frame
   /// Where the last field's critical points are, once they are tracked (from the second frame of a skeleton on).
   std::optional<std::vector<DVec3>> critical_points() const;
@@ -189,7 +189,7 @@ private:
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;
-  GeometricMesh geometric_;
+  GeometricSkin geometric_;
   std::vector<LedgerEntry> ledger_;
   std::vector<Index> inherited_;  // ids that vertices of new skin have taken over in this frame
   CriticalState critical_;        // of the last field, where it has second derivatives

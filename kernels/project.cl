@@ -5,6 +5,7 @@ typedef struct {
   float max_step;
   int max_newton;
   int max_bisection;
+  float reach;
 } ProjectParams;
 
 enum { STEPPING, BRACKETED, DONE, FAILED };
@@ -81,7 +82,7 @@ INLINE Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const Proj
     const vfloat scale = copysign(fmin(length, o.max_step), -f.value) / g_length;
     const vec3v stepped = {now.x + scale * g.x, now.y + scale * g.y, now.z + scale * g.z};
     const vint step_on = state == STEPPING;
-    state = select(state, (vint)(FAILED), step_on && !isfinite(length));
+    state = select(state, (vint)(FAILED), step_on && (!isfinite(length) || distance3(start, stepped) > o.reach));
     now = pick(now, stepped, step_on);
     now = pick(now, middle, state == BRACKETED);
     now = pick(now, nearer, narrow && !exhausted);

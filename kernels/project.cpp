@@ -7,7 +7,7 @@
 namespace isoskin::opencl {
 
 ProjectParams project_params(const ProjectOptions& options) {
-  return {options.tolerance, options.max_step, options.max_newton, options.max_bisection};
+  return {options.tolerance, options.max_step, options.max_newton, options.max_bisection, options.reach};
 }
 
 Projector::Projector(Device& device) : device_(&device), project_(device, {source::project}, "project") {}

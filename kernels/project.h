@@ -13,6 +13,7 @@ struct ProjectParams {  // ProjectParams in project.cl
   float max_step;
   cl_int max_newton;
   cl_int max_bisection;
+  float reach;
 };
 
 ProjectParams project_params(const ProjectOptions& options);

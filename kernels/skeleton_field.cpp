@@ -234,20 +234,24 @@ private:
     }
     grid.list.resize(elements.size());
     std::iota(grid.list.begin(), grid.list.end(), 0u);
-    assign(elements, grid, field.groups().size(), field.groups().front().iso());
+    assign(elements, grid, field.groups().size(), field.groups().front().iso(), middle_of(elements));
   }
 
   void upload_skeleton(const SkeletonField& field) {
     const std::vector<SkeletonElement> elements = in_order(field.elements());
     std::size_t compact_first = std::find_if(elements.begin(), elements.end(), is_compact) - elements.begin();
     if (elements.size() - compact_first <= kLoopAll) compact_first = elements.size();
-    assign(elements, cell_grid(elements, compact_first), compact_first, field.iso());
+    assign(elements, cell_grid(elements, compact_first), compact_first, field.iso(), field.origin());
   }
 
-  void assign(const std::vector<SkeletonElement>& elements, const CellGrid& grid, std::size_t always, double iso) {
+  static DVec3 middle_of(const std::vector<SkeletonElement>& elements) {
     Box box;
     for (const SkeletonElement& e : elements) box.add(extent(e));
-    const DVec3 origin = box.empty() ? DVec3(0.0) : box.center();
+    return box.empty() ? DVec3(0.0) : box.center();
+  }
+
+  void assign(const std::vector<SkeletonElement>& elements, const CellGrid& grid, std::size_t always, double iso,
+              const DVec3& origin) {
     std::vector<SkeletonElementData> data;
     for (const SkeletonElement& e : elements) data.push_back(pack(e, origin));
     for (std::size_t i = 0; i < elements.size(); ++i) {

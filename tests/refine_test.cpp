@@ -3,16 +3,20 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <random>
 #include <set>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include "core/field/skeleton_field.h"
+#include "core/mechanics/alter.h"
 #include "core/mesh/validate.h"
+#include "core/refine/refined_skin.h"
 #include "core/refine/split_pattern.h"
 #include "core/tracker.h"
 #include "tests/analytic_fields.h"
+#include "tests/sanitized.h"
 #include "tests/test_meshes.h"
 
 using namespace isoskin;
@@ -429,4 +433,99 @@ TEST(Refine, SameBytesWhateverTheNumberOfThreads) {
   const std::size_t bytes = one.mesh.vertex_count() * sizeof(Vec3);
   EXPECT_EQ(std::memcmp(one.mesh.vertices.position.data(), many.mesh.vertices.position.data(), bytes), 0);
   EXPECT_EQ(std::memcmp(one.normal.data(), many.normal.data(), bytes), 0);
+}
+
+namespace {
+
+template <class T>
+bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+void expect_same_bytes(const GeometricMesh& a, const GeometricMesh& b) {
+  const VertexTable &p = a.mesh.vertices, &q = b.mesh.vertices;
+  EXPECT_TRUE(same_bytes(a.mesh.vertex, b.mesh.vertex));
+  EXPECT_TRUE(same_bytes(a.mesh.twin, b.mesh.twin));
+  EXPECT_TRUE(same_bytes(p.position, q.position));
+  EXPECT_TRUE(same_bytes(p.rest, q.rest));
+  EXPECT_TRUE(same_bytes(p.velocity, q.velocity));
+  EXPECT_TRUE(same_bytes(p.id, q.id));
+  EXPECT_TRUE(same_bytes(p.age, q.age));
+  EXPECT_TRUE(same_bytes(a.normal, b.normal));
+  EXPECT_TRUE(same_bytes(a.parent_triangle, b.parent_triangle));
+  EXPECT_TRUE(same_bytes(a.parent_edge, b.parent_edge));
+  EXPECT_EQ(a.mesh.next_id, b.mesh.next_id);
+}
+
+/// Balls along a circle of radius 1.
+std::vector<SkeletonElement> necklace(int count) {
+  std::vector<SkeletonElement> balls(std::size_t(count), SkeletonElement{});
+  for (int i = 0; i < count; ++i) {
+    const double turn = 2.0 * 3.14159265358979 * i / count;
+    balls[i].a = balls[i].b = DVec3(std::cos(turn), std::sin(turn), 0.0);
+    balls[i].radius = 0.5;
+  }
+  return balls;
+}
+
+}  // namespace
+
+TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
+  constexpr int kBalls = 16, kFrames = test::repeats(15, 7);
+  const std::unique_ptr<Backend> backend = make_reference_backend();
+  std::vector<SkeletonElement> balls = necklace(kBalls);
+  auto field = std::make_shared<const SkeletonField>(balls, 0.4);
+  backend->set_field(field);
+  TriangleMesh skin = test_meshes::torus(120, 20);
+  test_meshes::jitter(skin, 0.01f, 3);
+  backend->project(skin.vertices.position, kProject, {});
+  RefinedSkinOptions how{options(10.0f), kProject, 0.0, 0.01};
+  how.refine.sagitta = 0.004f;
+  how.project.reach = 0.1f;
+  RefinedSkin local;
+  std::mt19937 random(5);
+  const auto any = [&](std::size_t count) { return std::uniform_int_distribution<std::size_t>(0, count - 1)(random); };
+  const auto within = [&](float most) { return std::uniform_real_distribution<float>(-most, most)(random); };
+  std::size_t refined = 0, all = 0, strays = 0, altered = 0;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    SCOPED_TRACE(frame);
+    const std::shared_ptr<const SkeletonField> before = field;
+    for (Index& age : skin.vertices.age) ++age;
+    if (frame % 3 == 1) {  // the field
+      SkeletonElement& ball = balls[any(kBalls)];
+      ball.a = ball.b = ball.a + DVec3(within(0.03f), within(0.03f), within(0.03f));
+      field = std::make_shared<const SkeletonField>(balls, 0.4);
+      backend->set_field(field);
+    }
+    const Vec3 centre = skin.position(Index(any(skin.vertex_count())));
+    std::vector<std::uint8_t> frozen(skin.vertex_count());
+    for (Index v = 0; v < frozen.size(); ++v) {
+      frozen[v] = glm::distance(skin.position(v), centre) > 0.2f;
+      if (frozen[v] || frame % 3 != 2) continue;  // the skin, which folds over here and there
+      skin.vertices.position[v] += Vec3(within(0.03f), within(0.03f), within(0.03f));
+      skin.vertices.velocity[v] = Vec3(within(1.0f));
+    }
+    if (frame % 3 == 0) {  // how it hangs together
+      AlterOptions alter_options;
+      alter_options.edge_length = 0.05f + within(0.03f);
+      alter_options.respect_locks = false;
+      const AlterReport report = alter(skin, alter_options, {}, frozen);
+      altered += report.splits + report.collapses + report.flips;
+    }
+    const FieldChanges changes = changes_between(*before, *field);
+    local.update(skin, &changes, *backend, how);
+    RefinedSkin whole;
+    whole.update(skin, nullptr, *backend, how);
+    expect_same_bytes(local.mesh(), whole.mesh());
+    if (frame == 0) expect_same_bytes(local.mesh(), refine(skin, *backend, how.refine, how.project));
+    EXPECT_TRUE(same_bytes(local.strays(), whole.strays()));
+    EXPECT_EQ(whole.refined_triangles(), skin.triangle_count());
+    strays += whole.strays().size();
+    refined += local.refined_triangles();
+    all += skin.triangle_count();
+    if (frame % 5 == 4) local.flatten({centre}, 0.3f);  // until the next frame
+  }
+  EXPECT_LT(refined, all / 2);
+  EXPECT_GT(strays, 0u);
+  EXPECT_GT(altered, 20u);
 }

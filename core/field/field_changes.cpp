@@ -66,6 +66,7 @@ FieldChanges changes_between(const BrickGrid& before, const BrickGrid& after) {
   FieldChanges changes;
   changes.everywhere = !alike(before, after);
   if (changes.everywhere) return changes;
+  changes.rounded_anew = before.table_low != after.table_low;
   const IVec3 low = glm::min(before.table_low, after.table_low);
   const IVec3 size = glm::max(before.table_low + before.table_size, after.table_low + after.table_size) - low;
   std::vector<std::vector<Box>> found(static_cast<std::size_t>(size.x));
@@ -88,6 +89,7 @@ FieldChanges changes_between(const BrickGrid& before, const BrickGrid& after) {
 FieldChanges changes_between(const SkeletonField& before, const SkeletonField& after) {
   FieldChanges changes;
   changes.everywhere = before.iso() != after.iso() || before.elements().size() != after.elements().size();
+  changes.rounded_anew = before.origin() != after.origin();
   for (std::size_t i = 0; i < after.elements().size() && !changes.everywhere; ++i) {
     if (before.elements()[i] == after.elements()[i]) continue;
     for (const Box& support : {before.support(i), after.support(i)}) {

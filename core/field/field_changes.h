@@ -12,6 +12,8 @@ namespace isoskin {
 struct FieldChanges {
   bool everywhere = false;
   std::vector<Box> box;
+  // Devices count from elsewhere: where the fields are the same, what is computed on them may be rounded otherwise.
+  bool rounded_anew = false;
 };
 
 /// Compares two moments of a field. Grids of one placement and interpolation: cubes of four voxels whose taps differ.

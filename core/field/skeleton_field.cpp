@@ -243,6 +243,16 @@ SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
   }
 }
 
+DVec3 SkeletonField::origin() const {
+  constexpr double kRaster = 1.0 / 16.0;  // of the skeleton's size
+  Box box;
+  for (const SkeletonElement& e : elements_) box.add(extent(e));
+  if (box.empty()) return DVec3(0.0);
+  const double size = box.diagonal();
+  const double raster = size > 0.0 ? std::exp2(std::ceil(std::log2(kRaster * size))) : 1.0;
+  return raster * glm::round(box.center() / raster);
+}
+
 FieldSample SkeletonField::sample(const DVec3& p) const {
   FieldSample sum{-iso_, DVec3(0.0)};
   for (std::size_t i = 0; i < elements_.size(); ++i) {

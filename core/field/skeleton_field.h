@@ -36,6 +36,9 @@ public:
   /// Outside of this box element i's term is zero.
   const Box& support(std::size_t i) const { return support_[i]; }
   double iso() const { return iso_; }
+  /// About the middle of the skeleton: where devices put the zero of their float32. Rounded, so that it seldom changes
+  /// when elements move: fields with one origin have the same bits wherever they are the same.
+  DVec3 origin() const;
 
 private:
   std::vector<SkeletonElement> elements_;

@@ -58,6 +58,7 @@ Projection project_point(const Field& field, const DVec3& point, const ProjectOp
     if (!std::isfinite(length)) return failed;  // a gradient so small that the step overflows
     if (length > options.max_step) step *= options.max_step / length;
     Iterate next{now.point + step, {}};
+    if (glm::length(next.point - point) > options.reach) return failed;
     next.sample = field.sample(next.point);
     if ((next.sample.value > 0.0) != (now.sample.value > 0.0) && usable(next.sample)) {
       if (on_surface(next.sample, options.tolerance)) return {next.point, ProjectStatus::converged};

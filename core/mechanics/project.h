@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "core/field/field.h"
 
@@ -14,6 +15,9 @@ struct ProjectOptions {
   float max_step = 0.5f;   // longest Newton step, world units (default of a run: e / 2)
   int max_newton = 16;     // Newton steps before giving up
   int max_bisection = 24;  // evaluations once two steps straddle the surface
+  // A point that a step takes farther than this from where it began fails, world units: what the field is farther off
+  // has no say in where the point goes.
+  float reach = std::numeric_limits<float>::infinity();
 };
 
 /// How a point ended.
@@ -37,7 +41,7 @@ struct Projection {
 /// |F| <= tolerance |grad F|. When two consecutive iterates have F of opposite sign, the segment between them is
 /// searched instead by regula falsi, with a bisection after every try that did not halve it; it ends as above, or once
 /// the segment is no longer than the tolerance. A point, value or gradient that is not finite, a zero gradient, or an
-/// exhausted count ends quasi_critical.
+/// exhausted count ends quasi_critical, and so does a step out of reach.
 Projection project_point(const Field& field, const DVec3& point, const ProjectOptions& options);
 
 }  // namespace isoskin

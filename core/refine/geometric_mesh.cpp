@@ -1,8 +1,6 @@
 #include "core/refine/geometric_mesh.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 #include <limits>
 #include <optional>
 
@@ -10,7 +8,6 @@
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
 #include "core/topology/bad_sites.h"
-#include "core/topology/columns.h"
 #include "core/topology/match.h"
 #include "core/topology/point_grid.h"
 #include "core/topology/reskin.h"
@@ -18,53 +15,6 @@
 
 namespace isoskin {
 namespace {
-
-/// Level sets hold distances, and their gradients vanish inside thin sheets; other values are no lengths.
-double distance(const Field& field, double value, double slope) {
-  const double estimate = slope > 0.0 ? std::abs(value) / slope : std::numeric_limits<double>::infinity();
-  return field.resolution() > 0.0 ? std::min(estimate, std::abs(value)) : estimate;
-}
-
-/// Lattice corners on whose side mesh and field differ, farther than `least` from the surface.
-std::vector<Vec3> wrong_corners(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                                const LatticeTopology& topology, double least) {
-  constexpr int kSide = BrickLattice::kCorners;
-  struct Corner {
-    DVec3 point;
-    float value;
-  };
-  std::vector<Corner> corners;
-  for (const DifferingRow& row : differing_rows(mesh, lattice, topology.signs))
-    for (unsigned bits = row.corners; bits; bits &= bits - 1) {
-      const IVec3 local(row.row / kSide, row.row % kSide, std::countr_zero(bits));
-      const float value =
-          lattice.value[std::size_t(row.brick) * BrickLattice::kValues + BrickLattice::corner_index(local)];
-      if (field.resolution() > 0.0 && std::abs(double(value)) <= least) continue;  // without asking for the slope
-      corners.push_back({lattice.point(BrickLattice::kCells * lattice.coordinate[row.brick] + local), value});
-    }
-  std::vector<std::uint8_t> far(corners.size());
-  for_each_index(corners.size(), [&](std::size_t i) {
-    const auto& [p, value] = corners[i];
-    far[i] = distance(field, value, glm::length(field.sample(p).gradient)) > least;
-  });
-  std::vector<Vec3> wrong;
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    if (far[i]) wrong.emplace_back(corners[i].point);
-  return wrong;
-}
-
-/// Centroids farther than `least` from the surface.
-std::vector<Vec3> stray_centroids(const Refiner& refiner, const Field& field, double least) {
-  const TriangleMesh& mesh = refiner.mesh();
-  std::vector<Vec3> strays;
-  for (std::size_t t = 0; t < mesh.triangle_count(); ++t) {
-    const auto [value, slope] = refiner.centroid(t);
-    if (!(distance(field, value, slope) > least)) continue;
-    const Index* v = &mesh.vertex[3 * t];
-    strays.push_back((mesh.position(v[0]) + mesh.position(v[1]) + mesh.position(v[2])) / 3.0f);
-  }
-  return strays;
-}
 
 /// Orders points along the longest axis of their bounds; returns the middle one.
 std::vector<Vec3>::iterator halve(std::vector<Vec3>& points) {
@@ -76,19 +26,33 @@ std::vector<Vec3>::iterator halve(std::vector<Vec3>& points) {
   return points.begin() + std::ptrdiff_t(points.size() / 2);
 }
 
-/// The geometric mesh in the making.
+}  // namespace
+
+/// The geometric mesh of a frame in the making.
 class Making {
 public:
-  Making(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
+  Making(GeometricSkin& kept, const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
          const LatticeTopology& topology, Backend& backend, const GeometricOptions& options)
-      : mechanical_(mechanical),
+      : kept_(kept),
+        mechanical_(mechanical),
         field_(field),
         lattice_(lattice),
         topology_(topology),
         backend_(backend),
         options_(options),
         tolerance_(options.certify.tolerance) {
-    start();
+    refining_ = {options.refine, options.project, field.resolution(), options.hidden_centre * tolerance_};
+    refining_.project.reach = float(options.edge_length);
+    kept.refined_triangles_ = 0;
+  }
+
+  /// Everything that `changes` leave open, and what a new skin does.
+  void refine(const FieldChanges* changes) {
+    kept_.refined_.update(skin(), changes, backend_, refining_);
+    kept_.refined_triangles_ += kept_.refined_.refined_triangles();
+    const Span span("look");
+    const double least = tolerance_ * std::min(1.0, options_.hidden_corner);
+    kept_.wrong_.update(kept_.mesh().mesh, kept_.refined_.changed(), field_, changes, lattice_, topology_, least);
   }
 
   /// Fills hidden places anew until none is left out, or it has been done often enough.
@@ -100,34 +64,30 @@ public:
       if (hidden.empty()) return;
       left_out = !fill(hidden, report_.fillings);
       ++report_.fillings;
-      start();
+      const FieldChanges none;
+      refine(&none);
     }
-  }
-
-  /// All other passes.
-  void refine_on() {
-    while (refiner_->report().passes < options_.refine.passes && refiner_->pass()) {
-    }
-    report_.refine = refiner_->report();
-    mesh_ = refiner_->finish();
   }
 
   void take_back() {
     constexpr float kEverywhere = std::numeric_limits<float>::infinity();
     const float e = float(options_.edge_length);
+    std::vector<Vec3> wrong = kept_.wrong_.farther_than(tolerance_);
     for (const float radius : {2.0f * e, 4.0f * e, 8.0f * e, kEverywhere}) {
-      const std::vector<Vec3> wrong = wrong_corners(mesh_.mesh, field_, lattice_, topology_, tolerance_);
       if (wrong.empty()) break;
-      flatten(mesh_, wrong, radius);
+      kept_.refined_.flatten(wrong, radius);
+      wrong = look(tolerance_);
     }
   }
 
-  GeometricMesh finish(GeometricReport* report) {
-    if (report) {
-      report_.still_hidden = still_hidden();
-      *report = report_;
-    }
-    return std::move(mesh_);
+  /// Of the finished mesh.
+  void report(GeometricReport& report) const {
+    RefineOptions as_it_is = options_.refine;
+    as_it_is.passes = 0;
+    RefinedSkin done;
+    done.update(kept_.mesh().mesh, nullptr, backend_, {as_it_is, refining_.project, refining_.voxel, refining_.stray});
+    report = report_;
+    report.still_hidden = look(options_.hidden_corner * tolerance_).size() + done.strays().size();
   }
 
 private:
@@ -136,28 +96,18 @@ private:
     bool complete = false;  // no place was left out
   };
 
-  /// The first pass. What it does not show more passes would not.
-  void start() {
-    refiner_.emplace(skin(), backend_, options_.refine, options_.project);
-    if (options_.refine.passes > 0) refiner_->pass();
-  }
-
   std::vector<Vec3> hidden_places() const {
-    const Span span("look");
-    std::vector<Vec3> hidden =
-        wrong_corners(refiner_->mesh(), field_, lattice_, topology_, options_.hidden_corner * tolerance_);
-    const std::vector<Vec3> strays = stray_centroids(*refiner_, field_, options_.hidden_centre * tolerance_);
+    std::vector<Vec3> hidden = kept_.wrong_.farther_than(options_.hidden_corner * tolerance_);
+    const std::vector<Vec3> strays = kept_.refined_.strays();
     hidden.insert(hidden.end(), strays.begin(), strays.end());
     return hidden;
   }
 
-  /// Of the finished mesh.
-  std::size_t still_hidden() const {
-    RefineOptions as_it_is = options_.refine;
-    as_it_is.passes = 0;
-    const Refiner done(mesh_.mesh, backend_, as_it_is, options_.project);
-    return wrong_corners(mesh_.mesh, field_, lattice_, topology_, options_.hidden_corner * tolerance_).size() +
-           stray_centroids(done, field_, options_.hidden_centre * tolerance_).size();
+  /// At the mesh as it is, wherever it differs from what was kept.
+  std::vector<Vec3> look(double distance) const {
+    WrongCorners wrong;
+    wrong.update(kept_.mesh().mesh, std::nullopt, field_, nullptr, lattice_, topology_, distance);
+    return wrong.farther_than(distance);
   }
 
   /// Fills the places, halved so many times, part after part. Whether no place was left out.
@@ -240,6 +190,7 @@ private:
 
   const TriangleMesh& skin() const { return skin_ ? *skin_ : mechanical_; }
 
+  GeometricSkin& kept_;
   const TriangleMesh& mechanical_;
   const Field& field_;
   const BrickLattice& lattice_;
@@ -247,22 +198,27 @@ private:
   Backend& backend_;
   const GeometricOptions& options_;
   const double tolerance_;
+  RefinedSkinOptions refining_;
   std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
-  std::optional<Refiner> refiner_;    // at work on it
-  GeometricMesh mesh_;                // what came of it
   GeometricReport report_;
 };
 
-}  // namespace
+void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, const FieldChanges* changes,
+                           const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
+                           const GeometricOptions& options, GeometricReport* report) {
+  Making making(*this, mechanical, field, lattice, topology, backend, options);
+  making.refine(changes);
+  if (options.refine.passes > 0) making.fill();
+  making.take_back();
+  if (report) making.report(*report);
+}
 
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
                              const LatticeTopology& topology, Backend& backend, const GeometricOptions& options,
                              GeometricReport* report) {
-  Making making(mechanical, field, lattice, topology, backend, options);
-  if (options.refine.passes > 0) making.fill();
-  making.refine_on();
-  making.take_back();
-  return making.finish(report);
+  GeometricSkin skin;
+  skin.update(mechanical, field, nullptr, lattice, topology, backend, options, report);
+  return skin.mesh();
 }
 
 }  // namespace isoskin

@@ -3,7 +3,8 @@
 #pragma once
 
 #include "core/backend.h"
-#include "core/refine/refine.h"
+#include "core/refine/refined_skin.h"
+#include "core/refine/wrong_corners.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/certificate.h"
@@ -26,18 +27,37 @@ struct GeometricOptions {
 };
 
 struct GeometricReport {
-  RefineReport refine;     // of the mesh with its fillings
-  int fillings = 0;        // that were kept
-  std::size_t hidden = 0;  // places that one pass over the mechanical mesh does not show; not known without fillings
+  int fillings = 0;              // that were kept
+  std::size_t hidden = 0;        // places that the refined mechanical mesh does not show; not known without fillings
   std::size_t still_hidden = 0;  // places that the result does not show
 };
 
-/// Refines a certified mechanical mesh. A tip or rim that has grown out of it, a thread that it cuts short and a sheet
-/// that it has folded into cannot be subdivided right: there a copy of the mechanical mesh is emptied and filled with
-/// the lattice's surface (core/topology/reskin.h), kept only if it passes the certificate, and the copy refined
-/// instead. Where refined vertices put a lattice corner beyond the tolerance on the wrong side, they go back onto the
-/// mesh they were refined from: nearby, then farther away, at last everywhere. `field` is the one the backend holds and
-/// the lattice was sampled from. Deterministic.
+/// The geometric mesh of a certified mechanical mesh, frame after frame. A tip or rim that has grown out of the refined
+/// mesh, a thread that it cuts short and a sheet that it has folded into cannot be subdivided right: there a copy of
+/// the mechanical mesh is emptied and filled with the lattice's surface (core/topology/reskin.h), kept only if it
+/// passes the certificate, and the copy refined instead. Where refined vertices put a lattice corner beyond the
+/// tolerance on the wrong side, they go back onto the mesh they were refined from: nearby, then farther away, at last
+/// everywhere. Deterministic: no frame depends on those before it, but what they have in common is not made again.
+class GeometricSkin {
+public:
+  /// `field` is the one the backend holds and the lattice was sampled from; `changes`: from the last call's, null:
+  /// anything. Then `lattice` was made from the last call's by resample_lattice(). Options are the same in all calls.
+  void update(const TriangleMesh& mechanical, const Field& field, const FieldChanges* changes,
+              const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
+              const GeometricOptions& options, GeometricReport* report = nullptr);
+
+  const GeometricMesh& mesh() const { return refined_.mesh(); }
+  /// Triangles of the mechanical mesh (or of its copies) that the last update() refined.
+  std::size_t refined_triangles() const { return refined_triangles_; }
+
+private:
+  friend class Making;
+  RefinedSkin refined_;
+  WrongCorners wrong_;
+  std::size_t refined_triangles_ = 0;
+};
+
+/// Of one frame.
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,
                              const LatticeTopology& topology, Backend& backend, const GeometricOptions& options,
                              GeometricReport* report = nullptr);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <tuple>
 
 #include "core/parallel.h"
 #include "core/refine/split_pattern.h"
@@ -32,6 +33,16 @@ float sagitta(const Vec3& edge, const Vec3& from_normal, const Vec3& to_normal) 
   return 0.125f * std::abs(glm::dot(to_normal - from_normal, edge));
 }
 
+std::vector<Vec3> summed_triangle_normals(const TriangleMesh& mesh) {
+  std::vector<Vec3> sum(mesh.vertex_count(), Vec3(0.0f));
+  for (std::size_t t = 0; t < mesh.triangle_count(); ++t) {
+    const Index* v = &mesh.vertex[3 * t];
+    const Vec3 &a = mesh.position(v[0]), &b = mesh.position(v[1]), &c = mesh.position(v[2]);
+    for (int k = 0; k < 3; ++k) sum[v[k]] += glm::cross(b - a, c - a);
+  }
+  return sum;
+}
+
 /// True when two unit normals differ by more than the angle; a zero normal tells nothing.
 bool differ(const Vec3& a, const Vec3& b, float cosine) {
   return glm::dot(a, b) < cosine && a != Vec3(0.0f) && b != Vec3(0.0f);
@@ -42,14 +53,17 @@ bool differ(const Vec3& a, const Vec3& b, float cosine) {
 /// One refinement in progress.
 class Refiner::Passes {
 public:
-  Passes(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options, const ProjectOptions& project)
-      : backend_(backend),
+  Passes(const TriangleMesh& mechanical, const KnownSplits* known, Backend& backend, const RefineOptions& options,
+         const ProjectOptions& project)
+      : known_(known),
+        backend_(backend),
         project_(project),
         cosine_(float(std::cos(double(options.angle) * std::numbers::pi / 180.0))),
         shortest_(options.shortest),
         sagitta_(options.sagitta > 0.0f ? options.sagitta : std::numeric_limits<float>::infinity()) {
     out_.mesh = mechanical;
-    const std::size_t vertices = mechanical.vertex_count(), triangles = mechanical.triangle_count();
+    if (known_) name_ = known_->name;
+    const std::size_t vertices = mechanical.vertex_count(), triangles = triangles_ = mechanical.triangle_count();
     out_.normal.resize(vertices);
     evaluate_normals(backend, mechanical.vertices.position, out_.normal);
     out_.parent_triangle.resize(triangles);
@@ -65,6 +79,7 @@ public:
 
   /// One pass; false when nothing was marked.
   bool pass() {
+    ++pass_;
     mark_edges();
     if (new_edge_.empty()) return false;
     add_midpoints();
@@ -74,14 +89,20 @@ public:
     return true;
   }
 
-  GeometricMesh finish() {
-    replace_zero_normals();
-    return std::move(out_);
+  Refinement finish() {
+    Refinement done;
+    done.first_child = begins(out_.parent_triangle, triangles_);
+    done.first_vertex = begins(owner_, triangles_);
+    if (!std::is_sorted(owner_.begin(), owner_.end())) sort_by_owner(done.first_vertex);
+    done.geometric = std::move(out_);
+    done.birth = std::move(birth_);
+    done.centroid = std::move(centroid_);
+    return done;
   }
 
   std::size_t quasi_critical() const { return quasi_critical_; }
   const TriangleMesh& mesh() const { return out_.mesh; }
-  Centroid centroid(std::size_t triangle) const { return centroid_[triangle]; }
+  CentroidSample centroid(std::size_t triangle) const { return centroid_[triangle]; }
 
 private:
   const Vec3& position(Index v) const { return out_.mesh.vertices.position[v]; }
@@ -111,11 +132,16 @@ private:
     const std::size_t halfedges = mesh().vertex.size();
     std::vector<std::uint8_t> turns(halfedges), marked(halfedges);
     for_each_index(halfedges, [&](std::size_t h) {
-      turns[h] = differ(centroid_normal_[h / 3], centroid_normal_[mesh().twin[h] / 3], cosine_);
+      const Index twin = mesh().twin[h];
+      turns[h] = twin != kNone && differ(centroid_normal_[h / 3], centroid_normal_[twin / 3], cosine_);
     });
     for_each_index(halfedges, [&](std::size_t i) {
       const Index h = Index(i), twin = mesh().twin[i];
       if (!canonical(h)) return;
+      if (is_known(h)) {
+        marked[i] = known_split(h) != nullptr;
+        return;
+      }
       const Index a = mesh().from(h), b = mesh().to(h);
       const Vec3 edge = position(b) - position(a);
       const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) ||
@@ -130,9 +156,26 @@ private:
     const Index first = Index(mesh().vertex_count());
     for (std::size_t h = 0; h < halfedges; ++h) {
       if (!marked[h]) continue;
-      middle_[h] = middle_[mesh().twin[h]] = first + Index(new_edge_.size());
+      middle_[h] = first + Index(new_edge_.size());
+      if (mesh().twin[h] != kNone) middle_[mesh().twin[h]] = middle_[h];
       new_edge_.push_back(Index(h));
     }
+  }
+
+  bool is_known(Index h) const {
+    const auto known = [&](Index k) { return known_->triangle[out_.parent_triangle[k / 3]] != 0; };
+    return known_ && (mesh().twin[h] == kNone || known(h) || known(mesh().twin[h]));
+  }
+
+  /// Of an edge that is split in this pass, else null.
+  const KnownSplits::Split* known_split(Index h) const {
+    const Index from = name_[mesh().from(h)], to = name_[mesh().to(h)];
+    const KnownSplits::Split wanted{std::min(from, to), std::max(from, to)};
+    const auto at =
+        std::lower_bound(known_->split.begin(), known_->split.end(), wanted,
+                         [](const auto& p, const auto& q) { return std::tie(p.a, p.b) < std::tie(q.a, q.b); });
+    const bool found = at != known_->split.end() && at->a == wanted.a && at->b == wanted.b && at->pass == pass_;
+    return found ? &*at : nullptr;
   }
 
   Vec3 midpoint(Index h) const { return 0.5f * (position(mesh().from(h)) + position(mesh().to(h))); }
@@ -143,6 +186,9 @@ private:
     table.resize(first + count);
     out_.normal.resize(first + count);
     out_.parent_edge.resize(first + count);
+    owner_.resize(owner_.size() + count);
+    birth_.resize(owner_.size(), {std::uint16_t(pass_), 0});
+    if (known_) name_.resize(first + count, kNone);
     for_each_index(count, [&](std::size_t i) {
       const Index h = new_edge_[i], a = mesh().from(h), b = mesh().to(h);
       const std::size_t v = first + i;
@@ -152,6 +198,8 @@ private:
       table.age[v] = std::min(table.age[a], table.age[b]);
       table.id[v] = out_.mesh.next_id + Index(i);
       out_.parent_edge[v] = {a, b};
+      owner_[owner_.size() - count + i] = out_.parent_triangle[h / 3];
+      if (known_ && is_known(h)) name_[v] = known_split(h)->middle;
     });
     out_.mesh.next_id += Index(count);
   }
@@ -212,7 +260,7 @@ private:
       std::vector<Index> reverted;
       for (std::size_t i = 0; i < new_edge_.size(); ++i) {
         const Index h = new_edge_[i], twin = mesh().twin[h];
-        if (back[i] || !((bad[h / 3] >> h % 3 & 1) || (bad[twin / 3] >> twin % 3 & 1))) continue;
+        if (back[i] || !((bad[h / 3] >> h % 3 & 1) || (twin != kNone && (bad[twin / 3] >> twin % 3 & 1)))) continue;
         back[i] = 1;
         reverted.push_back(Index(i));
       }
@@ -240,6 +288,7 @@ private:
     for_each_index(points.size(), [&](std::size_t i) {
       new_positions()[new_points[i]] = points[i];
       new_normals()[new_points[i]] = normals[i];
+      birth_[birth_.size() - new_edge_.size() + new_points[i]].put_back = 1;
     });
   }
 
@@ -257,7 +306,7 @@ private:
     const std::size_t children = first[triangles];
     std::vector<Index> vertex(3 * children), twin(3 * children), parent(children);
     std::vector<Vec3> centroid_normal(children);
-    std::vector<Centroid> centroid(children);
+    std::vector<CentroidSample> centroid(children);
     // The child halfedge on half `half` of a parent's halfedge.
     const auto part = [&](Index h, int half) { return 3 * first[h / 3] + patterns[h / 3]->part[2 * (h % 3) + half]; };
     for_each_index(triangles, [&](std::size_t t) {
@@ -268,8 +317,9 @@ private:
         if (pattern.twin[i] >= 0) twin[base + i] = base + Index(pattern.twin[i]);
       }
       for (Index h = Index(3 * t); h < 3 * t + 3; ++h) {
-        twin[part(h, 0)] = part(mesh().twin[h], 1);
-        twin[part(h, 1)] = part(mesh().twin[h], 0);
+        const Index other = mesh().twin[h];
+        twin[part(h, 0)] = other == kNone ? kNone : part(other, 1);
+        twin[part(h, 1)] = other == kNone ? kNone : part(other, 0);
       }
       for (Index child = first[t]; child < first[t + 1]; ++child) {
         parent[child] = out_.parent_triangle[t];
@@ -290,42 +340,67 @@ private:
     evaluate_centroids(fresh);
   }
 
-  /// Where the gradient vanishes the triangles around say where outside is.
-  void replace_zero_normals() {
-    std::vector<Vec3> sum;
-    for (std::size_t v = 0; v < out_.normal.size(); ++v) {
-      if (out_.normal[v] != Vec3(0.0f)) continue;
-      if (sum.empty()) sum = summed_triangle_normals();
-      const float length = glm::length(sum[v]);
-      out_.normal[v] = length > 0.0f ? sum[v] / length : Vec3(0.0f, 0.0f, 1.0f);
-    }
+  /// Counts rows by the triangle they came from: where each of those begins, and the end.
+  static std::vector<Index> begins(const std::vector<Index>& came_from, std::size_t triangles) {
+    std::vector<Index> first(triangles + 1, 0);
+    for (const Index t : came_from) ++first[t + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    return first;
   }
 
-  std::vector<Vec3> summed_triangle_normals() const {
-    std::vector<Vec3> sum(mesh().vertex_count(), Vec3(0.0f));
-    for (std::size_t t = 0; t < mesh().triangle_count(); ++t) {
-      const Index* v = &mesh().vertex[3 * t];
-      const Vec3 normal = glm::cross(position(v[1]) - position(v[0]), position(v[2]) - position(v[0]));
-      for (int k = 0; k < 3; ++k) sum[v[k]] += normal;
+  /// New vertices lie by pass; they come to lie by owner.
+  void sort_by_owner(const std::vector<Index>& first_vertex) {
+    const std::size_t fresh = owner_.size(), old = mesh().vertex_count() - fresh;
+    std::vector<Index> next(first_vertex.begin(), first_vertex.end() - 1), row(old + fresh), place(old + fresh);
+    std::iota(row.begin(), row.begin() + std::ptrdiff_t(old), Index{0});
+    std::iota(place.begin(), place.begin() + std::ptrdiff_t(old), Index{0});
+    for (std::size_t i = 0; i < fresh; ++i) {
+      place[old + i] = Index(old) + next[owner_[i]]++;
+      row[place[old + i]] = Index(old + i);
     }
-    return sum;
+    const std::vector<Vec3> normal = std::move(out_.normal);
+    const std::vector<std::array<Index, 2>> parent = std::move(out_.parent_edge);
+    const std::vector<Birth> birth = std::move(birth_);
+    std::vector<Index> id = out_.mesh.vertices.id;
+    out_.mesh.vertices = out_.mesh.vertices.select(row);
+    out_.mesh.vertices.id = std::move(id);  // which follow the order
+    out_.normal.resize(row.size());
+    out_.parent_edge.resize(row.size());
+    birth_.resize(fresh);
+    for_each_index(row.size(), [&](std::size_t v) {
+      out_.normal[v] = normal[row[v]];
+      out_.parent_edge[v] = {place[parent[row[v]][0]], place[parent[row[v]][1]]};
+      if (v >= old) birth_[v - old] = birth[row[v] - old];
+    });
+    for_each_index(mesh().vertex.size(), [&](std::size_t h) { out_.mesh.vertex[h] = place[mesh().vertex[h]]; });
   }
 
+  const KnownSplits* known_;
   Backend& backend_;
   const ProjectOptions project_;
   const float cosine_, shortest_, sagitta_;
   GeometricMesh out_;
-  std::vector<Vec3> centroid_normal_;  // field normal at each triangle's centroid
-  std::vector<Centroid> centroid_;     // how far it lies beside the surface
-  std::vector<Index> new_edge_;        // this pass: one halfedge of each marked edge, ascending
-  std::vector<Index> middle_;          // this pass: the new vertex on each halfedge's edge, kNone when unmarked
+  std::vector<Vec3> centroid_normal_;     // field normal at each triangle's centroid
+  std::vector<CentroidSample> centroid_;  // how far it lies beside the surface
+  std::vector<Index> new_edge_;           // this pass: one halfedge of each marked edge, ascending
+  std::vector<Index> middle_;             // this pass: the new vertex on each halfedge's edge, kNone when unmarked
+  std::vector<Index> owner_;              // per new vertex: the triangle whose edge it came on
+  std::vector<Birth> birth_;              // per new vertex
+  std::vector<Index> name_;               // per vertex, as in known_
+  std::size_t triangles_ = 0;             // at the beginning
+  int pass_ = 0;
   std::size_t quasi_critical_ = 0;
 };
 
 Refiner::Refiner(const TriangleMesh& mechanical, Backend& backend, const RefineOptions& options,
                  const ProjectOptions& project)
-    : passes_(std::make_unique<Passes>(mechanical, backend, options, project)) {
+    : passes_(std::make_unique<Passes>(mechanical, nullptr, backend, options, project)) {
   report_.triangles = mechanical.triangle_count();
+}
+Refiner::Refiner(const TriangleMesh& part, const KnownSplits& known, Backend& backend, const RefineOptions& options,
+                 const ProjectOptions& project)
+    : passes_(std::make_unique<Passes>(part, &known, backend, options, project)) {
+  report_.triangles = part.triangle_count();
 }
 Refiner::~Refiner() = default;
 
@@ -343,11 +418,11 @@ const TriangleMesh& Refiner::mesh() const {
   return passes_->mesh();
 }
 
-Refiner::Centroid Refiner::centroid(std::size_t triangle) const {
+CentroidSample Refiner::centroid(std::size_t triangle) const {
   return passes_->centroid(triangle);
 }
 
-GeometricMesh Refiner::finish() {
+Refinement Refiner::finish() {
   return passes_->finish();
 }
 
@@ -357,7 +432,19 @@ GeometricMesh refine(const TriangleMesh& mechanical, Backend& backend, const Ref
   while (refiner.report().passes < options.passes && refiner.pass()) {
   }
   if (report) *report = refiner.report();
-  return refiner.finish();
+  GeometricMesh geometric = refiner.finish().geometric;
+  replace_zero_normals(geometric);
+  return geometric;
+}
+
+void replace_zero_normals(GeometricMesh& geometric) {
+  std::vector<Vec3> sum;
+  for (std::size_t v = 0; v < geometric.normal.size(); ++v) {
+    if (geometric.normal[v] != Vec3(0.0f)) continue;
+    if (sum.empty()) sum = summed_triangle_normals(geometric.mesh);
+    const float length = glm::length(sum[v]);
+    geometric.normal[v] = length > 0.0f ? sum[v] / length : Vec3(0.0f, 0.0f, 1.0f);
+  }
 }
 
 void flatten(GeometricMesh& geometric, const std::vector<Vec3>& bad, float radius) {

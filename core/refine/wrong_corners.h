@@ -1,0 +1,43 @@
+// Lattice corners that the refined mesh has on the wrong side: what it does not show, or shows too much of.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/field/field.h"
+#include "core/field/field_changes.h"
+#include "core/sampling/brick_lattice.h"
+#include "core/sampling/marching_cubes.h"
+#include "core/topology/columns.h"
+
+namespace isoskin {
+
+/// Corners on whose side mesh and field differ, farther than a least distance from the surface, kept from frame to
+/// frame: only lattice columns in which mesh, field or lattice have changed are looked at again.
+class WrongCorners {
+public:
+  /// `changed`: where the mesh differs from the last call's; none: anywhere. `changes`: of the field since then; null:
+  /// anything. Then `lattice` is the last call's or resample_lattice() made it from that. `least`: the same in all
+  /// calls. What comes of it depends on neither earlier calls nor what has changed.
+  void update(const TriangleMesh& mesh, const std::optional<std::vector<Box>>& changed, const Field& field,
+              const FieldChanges* changes, const BrickLattice& lattice, const LatticeTopology& topology, double least);
+
+  /// Those farther from the surface, in order of the lattice's bricks.
+  std::vector<Vec3> farther_than(double distance) const;
+
+private:
+  struct Corner {
+    IVec3 brick{0};
+    int corner = 0;  // BrickLattice::corner_index()
+    Vec3 point{0.0f};
+    double distance = 0.0;
+  };
+
+  static std::vector<Corner> find(const std::vector<DifferingRow>& rows, const Field& field,
+                                  const BrickLattice& lattice, double least);
+
+  std::vector<Corner> corner_;  // by brick and corner
+  bool known_ = false;
+};
+
+}  // namespace isoskin
