@@ -254,7 +254,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   if (options_.self_intersections) {
     Step step(report, "intersect");
-    report.geometric_intersections = count_self_intersections(geometric_.mesh);
+    report.geometric_intersections = count_self_intersections(geometric().mesh);
     report.mechanical_intersections = count_self_intersections(mesh_);
   }
   const std::vector<Index> after = sorted_ids(mesh_);
