@@ -36,28 +36,39 @@ std::vector<Vec3> normals_of(const TriangleMesh& mesh, const VertexCorners& corn
   return normals;
 }
 
+/// A displacement in a register of its own: neighbours are added up with one instruction each.
+using Padded = glm::vec4;
+
 /// Displacements become their neighbours' mean, but for what is known of them; Chebyshev's weights carry it as many
 /// edges as there are sweeps (Jacobi's alone: their root). `neighbour`: one a corner.
 void sweep(const VertexCorners& corners, const std::vector<Index>& neighbour, const NormalParts& known, int times,
            std::vector<Vec3>& displacement) {
   constexpr float kRadius = 0.95f;  // spectral, as of a small mesh: what is slower to settle is left to later frames
-  std::vector<Vec3> before = displacement, next(displacement.size());
+  constexpr std::size_t kGrain = 1024;  // vertices take nanoseconds
+  std::vector<Padded> now(displacement.size());
+  for_each_index(now.size(), [&](std::size_t v) { now[v] = Padded(displacement[v], 0.0f); });
+  std::vector<Padded> before = now;
   float weight = 1.0f;
   for (int i = 0; i < times; ++i) {
     if (i > 0) weight = 1.0f / (1.0f - (i == 1 ? 0.5f : 0.25f) * kRadius * kRadius * weight);
-    for_each_index(next.size(), [&](std::size_t v) {
+    // Where a vertex was before is asked for by itself alone, so what comes next can be left there.
+    const auto take_mean = [&](std::size_t v) {
       const Index begin = corners.first[v], end = corners.first[v + 1];
       if (begin == end) return;
-      Vec3 sum(0.0f);
-      for (Index c = begin; c < end; ++c) sum += displacement[neighbour[c]];
-      const Vec3 mean = sum / float(end - begin);
+      Padded sum(0.0f);
+      for (Index c = begin; c < end; ++c) sum += now[neighbour[c]];
+      const Vec3 mean = Vec3(sum) / float(end - begin);
       const Vec3& n = known.direction[v];
       const Vec3 mended = mean + (known.length[v] - glm::dot(n, mean)) * n;
-      next[v] = before[v] + weight * (mended - before[v]);
+      const Vec3 old(before[v]);
+      before[v] = Padded(old + weight * (mended - old), 0.0f);
+    };
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, now.size(), kGrain), [&](const auto& range) {
+      for (std::size_t v = range.begin(); v != range.end(); ++v) take_mean(v);
     });
-    std::swap(before, displacement);
-    std::swap(displacement, next);
+    std::swap(before, now);
   }
+  for_each_index(now.size(), [&](std::size_t v) { displacement[v] = Vec3(now[v]); });
 }
 
 /// A vertex on its way to the rim of the sheet it is in.

@@ -38,7 +38,13 @@ std::vector<Index> small_piece_vertices(const TriangleMesh& mesh) {
   std::vector<std::uint8_t> small(mesh.triangle_count()), large(mesh.triangle_count(), 0);
   for_each_index(small.size(), [&](std::size_t t) {
     // What one search finds to be large need not be searched from; whoever comes too early only searches in vain.
-    if (std::atomic_ref(large[t]).load(std::memory_order_relaxed)) return;
+    const auto known_large = [&](std::size_t other) {
+      return std::atomic_ref(large[other]).load(std::memory_order_relaxed) != 0;
+    };
+    if (known_large(t)) return;
+    for (std::size_t h = 3 * t; h < 3 * t + 3; ++h)
+      if (mesh.twin[h] != kNone && known_large(TriangleMesh::triangle(mesh.twin[h])))
+        return std::atomic_ref(large[t]).store(1, std::memory_order_relaxed);
     SomeTriangles piece;
     small[t] = gather_piece(mesh, Index(t), piece);
     if (small[t]) return;
