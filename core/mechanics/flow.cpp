@@ -36,8 +36,12 @@ std::vector<Vec3> normals_of(const TriangleMesh& mesh, const VertexCorners& corn
   return normals;
 }
 
-/// A displacement in a register of its own: neighbours are added up with one instruction each.
-using Padded = glm::vec4;
+/// A vector in a register of its own: neighbours are added up with one instruction each.
+using Padded = float __attribute__((vector_size(16)));
+
+Padded padded(const Vec3& v) {
+  return Padded{v.x, v.y, v.z, 0.0f};
+}
 
 /// Displacements become their neighbours' mean, but for what is known of them; Chebyshev's weights carry it as many
 /// edges as there are sweeps (Jacobi's alone: their root). `neighbour`: one a corner.
@@ -46,7 +50,7 @@ void sweep(const VertexCorners& corners, const std::vector<Index>& neighbour, co
   constexpr float kRadius = 0.95f;  // spectral, as of a small mesh: what is slower to settle is left to later frames
   constexpr std::size_t kGrain = 1024;  // vertices take nanoseconds
   std::vector<Padded> now(displacement.size());
-  for_each_index(now.size(), [&](std::size_t v) { now[v] = Padded(displacement[v], 0.0f); });
+  for_each_index(now.size(), [&](std::size_t v) { now[v] = padded(displacement[v]); });
   std::vector<Padded> before = now;
   float weight = 1.0f;
   for (int i = 0; i < times; ++i) {
@@ -55,20 +59,18 @@ void sweep(const VertexCorners& corners, const std::vector<Index>& neighbour, co
     const auto take_mean = [&](std::size_t v) {
       const Index begin = corners.first[v], end = corners.first[v + 1];
       if (begin == end) return;
-      Padded sum(0.0f);
+      Padded sum{};
       for (Index c = begin; c < end; ++c) sum += now[neighbour[c]];
-      const Vec3 mean = Vec3(sum) / float(end - begin);
-      const Vec3& n = known.direction[v];
-      const Vec3 mended = mean + (known.length[v] - glm::dot(n, mean)) * n;
-      const Vec3 old(before[v]);
-      before[v] = Padded(old + weight * (mended - old), 0.0f);
+      const Padded mean = sum / float(end - begin), n = padded(known.direction[v]), along = n * mean;
+      const Padded mended = mean + (known.length[v] - (along[0] + along[1] + along[2])) * n;
+      before[v] += weight * (mended - before[v]);
     };
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, now.size(), kGrain), [&](const auto& range) {
       for (std::size_t v = range.begin(); v != range.end(); ++v) take_mean(v);
     });
     std::swap(before, now);
   }
-  for_each_index(now.size(), [&](std::size_t v) { displacement[v] = Vec3(now[v]); });
+  for_each_index(now.size(), [&](std::size_t v) { displacement[v] = Vec3(now[v][0], now[v][1], now[v][2]); });
 }
 
 /// A vertex on its way to the rim of the sheet it is in.
