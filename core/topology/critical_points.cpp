@@ -6,6 +6,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -252,22 +253,28 @@ CriticalSearch find_critical_points(const Field& field, Backend& backend, std::s
   return found;
 }
 
-std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend) {
-  const std::vector<Vec3>& position = mesh.vertices.position;
-  std::vector<float> values(position.size()), slope(position.size());
-  std::vector<Vec3> gradients(position.size());
-  backend.evaluate(position, values, gradients);
-  for_each_index(position.size(), [&](std::size_t v) { slope[v] = glm::length(gradients[v]); });
-  const VertexCorners corners = vertex_corners(mesh);
-  std::vector<std::uint8_t> least(position.size());
-  for_each_index(position.size(), [&](std::size_t v) {
-    least[v] = corners.first[v] < corners.first[v + 1];
-    for (Index i = corners.first[v]; i < corners.first[v + 1]; ++i)
-      if (slope[mesh.to(corners.corner[i])] < slope[v]) least[v] = 0;
-  });
+std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend, const ChangeMask& about) {
+  if (about.empty()) return {};
+  std::vector<std::uint8_t> least(mesh.vertex_count());
+  for_each_index(least.size(), [&](std::size_t v) { least[v] = about.contains(DVec3(mesh.position(Index(v)))); });
+  const std::vector<Index> leaving = indices_where(mesh.vertex.size(), [&](Index h) { return least[mesh.from(h)] != 0; });
+  std::vector<Index> asked(mesh.vertex_count(), kNone);  // its number among the points
+  std::vector<Vec3> points;
+  for (const Index h : leaving)
+    for (const Index v : {mesh.from(h), mesh.to(h)}) {
+      if (asked[v] != kNone) continue;
+      asked[v] = Index(points.size());
+      points.push_back(mesh.position(v));
+    }
+  std::vector<float> values(points.size()), slope(points.size());
+  std::vector<Vec3> gradients(points.size());
+  backend.evaluate(points, values, gradients);
+  for_each_index(points.size(), [&](std::size_t i) { slope[i] = glm::length(gradients[i]); });
+  for (const Index h : leaving)
+    if (slope[asked[mesh.to(h)]] < slope[asked[mesh.from(h)]]) least[mesh.from(h)] = 0;
   std::vector<DVec3> seeds;
-  for (std::size_t v = 0; v < position.size(); ++v)
-    if (least[v]) seeds.emplace_back(position[v]);
+  for (Index v = 0; v < least.size(); ++v)
+    if (least[v] && asked[v] != kNone) seeds.emplace_back(mesh.position(v));
   return seeds;
 }
 

@@ -9,6 +9,7 @@
 
 #include "core/backend.h"
 #include "core/field/field.h"
+#include "core/field/field_changes.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
@@ -73,8 +74,10 @@ std::optional<CriticalPoint> refine_critical_point(const Field& field, const DVe
 CriticalSearch find_critical_points(const Field& field, Backend& backend, std::span<const DVec3> seeds,
                                     const CriticalOptions& options);
 
-/// Vertices whose |grad F| is no larger than that of any neighbour in the mesh (Rumiano 3.3.1), ascending.
-std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend);
+/// Vertices within `about` whose |grad F| is no larger than that of any neighbour in the mesh (Rumiano 3.3.1),
+/// ascending.
+std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend,
+                                           const ChangeMask& about = {{true, {}}, 0.0});
 
 /// Sorts by position and keeps the first of every cluster of points nearer to it than `distance`.
 void merge_critical_points(std::vector<CriticalPoint>& points, double distance);

@@ -85,11 +85,21 @@ private:
   const TrackingOptions& tracking_;
 };
 
+CriticalPath stay(const CriticalPoint& point) {
+  CriticalPath path;
+  path.first = path.last = point;
+  path.still = true;
+  return path;
+}
+
 std::vector<CriticalPath> follow_all(const std::vector<CriticalPoint>& points, const Continuation& continuation,
-                                     bool forward) {
+                                     const ChangeMask& changed, bool forward) {
   std::vector<CriticalPath> paths(points.size());
   tbb::parallel_for(std::size_t(0), points.size(),
-                    [&](std::size_t i) { paths[i] = continuation.follow(points[i], forward); });
+                    [&](std::size_t i) {
+    paths[i] = forward && !changed.contains(points[i].position) ? stay(points[i])
+                                                                : continuation.follow(points[i], forward);
+  });
   return paths;
 }
 
@@ -124,10 +134,10 @@ Interval BlendField::range(const Box& box) const {
 
 CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::vector<CriticalPoint>& found,
                        const Field& before, const Field& after, const CriticalOptions& options,
-                       const TrackingOptions& tracking) {
+                       const TrackingOptions& tracking, const ChangeMask& changed) {
   const Continuation continuation(before, after, options, tracking);
   CriticalTracking result;
-  result.paths = follow_all(without_degenerate(previous), continuation, true);
+  result.paths = follow_all(without_degenerate(previous), continuation, changed, true);
 
   const double same = options.merge * options.edge_length;
   std::vector<CriticalPoint> fresh = without_degenerate(found);
@@ -136,7 +146,7 @@ CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::ve
       return path.exists_after() && glm::distance(path.last.position, point.position) <= same;
     });
   });
-  for (CriticalPath& path : follow_all(fresh, continuation, false)) result.paths.push_back(std::move(path));
+  for (CriticalPath& path : follow_all(fresh, continuation, changed, false)) result.paths.push_back(std::move(path));
   std::sort(result.paths.begin(), result.paths.end(), before_in_space);
   for (const CriticalPath& path : result.paths) {
     result.matched += path.existed_before() && path.exists_after();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/field/field.h"
+#include "core/field/field_changes.h"
 #include "core/topology/critical_points.h"
 
 namespace isoskin {
@@ -35,6 +36,7 @@ struct CriticalPath {
   std::optional<CriticalPoint> crossing;  // where its value changes sign, on the blend there
   double crossing_time = 0.0;             // s of the crossing, by linear interpolation of the value
   bool rising = false;                    // from outside (F < 0) to inside
+  bool still = false;                     // the field does not change about it, so it stays as it is
 
   bool existed_before() const { return begin == 0.0; }
   bool exists_after() const { return end == 1.0; }
@@ -52,10 +54,10 @@ struct CriticalTracking {
 
 /// Follows `previous` (critical points of `before`) forward, and those of `found` (of `after`) that no path arrived at
 /// backward. Degenerate points are passed over. Predictor-corrector continuation in float64; a step is halved when
-/// Newton does not confirm a point of the same kind near where it was predicted. Parallel over points; the result does
-/// not depend on the number of threads.
+/// Newton does not confirm a point of the same kind near where it was predicted. Points of `previous` out of `changed`,
+/// which says where the fields differ, stay. Parallel over points; the result does not depend on the number of threads.
 CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::vector<CriticalPoint>& found,
                        const Field& before, const Field& after, const CriticalOptions& options,
-                       const TrackingOptions& tracking = {});
+                       const TrackingOptions& tracking = {}, const ChangeMask& changed = {{true, {}}, 0.0});
 
 }  // namespace isoskin

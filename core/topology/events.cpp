@@ -68,13 +68,11 @@ void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3
         seeds.push_back(0.5 * (ball[i].first + ball[j].first));
 }
 
-/// The points merged and described by nothing but where they are.
+/// The points merged. They must be described by nothing but where they are.
 CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const Field> field,
                        const EventOptions& options) {
   merge_critical_points(points, options.critical.merge * options.critical.edge_length);
-  std::vector<DVec3> positions;
-  for (const CriticalPoint& point : points) positions.push_back(point.position);
-  return restore_critical_points(positions, std::move(field), options);
+  return {std::move(field), std::move(points)};
 }
 
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
@@ -92,11 +90,13 @@ EventOptions event_options(double edge_length) {
   return options;
 }
 
-std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend) {
-  std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend);
+std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend,
+                                  const ChangeMask& about) {
+  std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend, about);
   if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) {
     for (const SkeletonElement& e : skeleton->elements()) seeds.push_back(center(e));
     add_middles(skeleton->elements(), seeds);
+    std::erase_if(seeds, [&](const DVec3& seed) { return !about.contains(seed); });
   }
   return seeds;
 }
@@ -125,15 +125,19 @@ CriticalState start_critical_points(const TriangleMesh& mesh, std::shared_ptr<co
     const IntervalSearch all = find_all_critical_points(*skeleton, box, options.critical, search);
     points.insert(points.end(), all.points.begin(), all.points.end());
   }
+  for (CriticalPoint& point : points) point = describe_critical_point(*field, point.position, options.critical);
   return state_of(std::move(points), std::move(field), options);
 }
 
 EventPlan plan_critical_events(const TriangleMesh& mesh, const CriticalState& state, std::shared_ptr<const Field> field,
                                Backend& backend, const EventOptions& options) {
+  // A search that begins farther off stays where the fields are the same, and finds what the last one found.
+  const ChangeMask changed(changes_between(*state.field, *field),
+                           options.critical.reach * options.critical.edge_length);
   const CriticalSearch found =
-      find_critical_points(*field, backend, critical_seeds(mesh, *field, backend), options.critical);
+      find_critical_points(*field, backend, critical_seeds(mesh, *field, backend, changed), options.critical);
   EventPlan plan;
-  plan.tracking = track(state.points, found.points, *state.field, *field, options.critical, options.tracking);
+  plan.tracking = track(state.points, found.points, *state.field, *field, options.critical, options.tracking, changed);
   plan.crossings = crossings_of(plan.tracking);
   plan.degenerate = found.degenerate;
   plan.field = std::move(field);
@@ -179,7 +183,9 @@ EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state,
   }
   std::vector<CriticalPoint> points;
   for (const CriticalPath& path : plan.tracking.paths)
-    if (path.exists_after()) points.push_back(path.last);
+    if (path.exists_after())
+      points.push_back(path.still ? path.last
+                                  : describe_critical_point(*plan.field, path.last.position, options.critical));
   state = state_of(std::move(points), plan.field, options);
   report.critical_points = state.points.size();
   report.degenerate = plan.degenerate;

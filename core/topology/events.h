@@ -55,7 +55,8 @@ struct EventReport {
 
 /// Where searches for critical points start: vertices of least gradient, the elements of a skeleton and the middles of
 /// those that overlap.
-std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend);
+std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend,
+                                  const ChangeMask& about = {{true, {}}, 0.0});
 
 /// The state of `field` with critical points at `positions`.
 CriticalState restore_critical_points(std::span<const DVec3> positions, std::shared_ptr<const Field> field,
