@@ -269,8 +269,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
       if (const ValidateReport valid = validate(*mesh); !valid)
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
   last_field_ = lattice_field_ = frame.field;
-  lattice_ = std::move(evidence.lattice);
-  lattice_topology_ = std::move(evidence.topology);
+  before_ = std::move(evidence);
   time_ = frame.time;
   started_ = true;
   return report;
@@ -472,9 +471,9 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   Evidence evidence;
   const bool goes_on = started_ && lattice_field_ == last_field_;
   lattice_field_ = nullptr;
-  evidence.lattice = goes_on ? resample_lattice(std::move(lattice_), changes_, *frame.field, *backend_)
+  evidence.lattice = goes_on ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
                              : sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
-  evidence.topology = lattice_topology(evidence.lattice, std::move(lattice_topology_));
+  evidence.topology = lattice_topology(evidence.lattice, std::move(before_.topology));
   return evidence;
 }
 
@@ -503,8 +502,9 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
   evidence.pieces = mesh_pieces(mesh_);
-  evidence.certificate =
-      isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology, certify_options());
+  evidence.sides = before_.sides;
+  evidence.certificate = isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology,
+                                          certify_options(), &evidence.sides);
 }
 
 CertifyOptions Tracker::certify_options() const {

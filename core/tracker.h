@@ -146,6 +146,7 @@ private:
     LatticeTopology topology;
     MeshPieces pieces;
     Certificate certificate;
+    SideMemory sides;
   };
 
   /// What a relaxation left undone: one byte a triangle, one a vertex.
@@ -181,9 +182,8 @@ private:
   TrackOptions options_;
   std::shared_ptr<const Field> last_field_;
   FieldChanges changes_;                        // from it to the frame's
-  LatticeTopology lattice_topology_;            // of lattice_
-  BrickLattice lattice_;                        // of lattice_field_, kept so that only what changes is sampled
-  std::shared_ptr<const Field> lattice_field_;  // null: lattice_ is of no use
+  Evidence before_;                             // of lattice_field_, so that only what changes is looked at again
+  std::shared_ptr<const Field> lattice_field_;  // null: before_ is of no use
   double time_ = 0.0;                           // of the last frame
   bool started_ = false;
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices

@@ -157,6 +157,34 @@ TEST(Winding, RandomSoupOfSheetsStaysConsistent) {
   expect_windings(mesh, sphere.lattice, 401);
 }
 
+TEST(Certificate, WhatIsRememberedOfSidesChangesNoReport) {
+  Judge sphere(both(ball({-0.7, 0.0, 0.0}, 0.5), ball({0.7, 0.0, 0.0}, 0.6)));
+  sphere.lattice.same_as.resize(sphere.lattice.brick_count());
+  std::iota(sphere.lattice.same_as.begin(), sphere.lattice.same_as.end(), Index{0});
+  const TriangleMesh right = sphere.mesh();
+  const MeshPieces pieces = mesh_pieces(right);
+  SideMemory memory;
+  std::mt19937 random(5);
+  std::size_t wrong = 0;
+  for (int frame = 0; frame < 24; ++frame) {
+    TriangleMesh mesh = right;  // now and then dented here or there, within the tolerance or not
+    const Vec3 centre = right.position(Index(random() % right.vertex_count()));
+    const float depth = float(frame % 3) * 1.2f * float(kTolerance);
+    for (Vec3& p : mesh.vertices.position)
+      if (glm::distance(p, centre) < 0.25f) p += depth * glm::normalize(Vec3(p.x < 0 ? -0.7f : 0.7f, 0, 0) - p);
+    BrickLattice lattice = sphere.lattice;
+    if (frame % 4 == 1) lattice.same_as[random() % lattice.brick_count()] = kNone;
+    const SideReport whole = check_sides(mesh, pieces, *sphere.field, lattice, sphere.topology, kTolerance);
+    const SideReport again = check_sides(mesh, pieces, *sphere.field, lattice, sphere.topology, kTolerance, &memory);
+    EXPECT_EQ(whole.wrong, again.wrong);
+    EXPECT_EQ(whole.mesh_piece, again.mesh_piece);
+    EXPECT_EQ(whole.lattice_piece, again.lattice_piece);
+    wrong += whole.wrong > 0;
+  }
+  EXPECT_GT(wrong, 4u);
+  EXPECT_LT(wrong, 20u);
+}
+
 TEST(Certificate, RightMeshesPass) {
   const std::vector<SolidField::Solid> scenes{
       ball({0.1, 0.0, 0.2}, 1.0),

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include "core/topology/match.h"
-#include "core/topology/sides.h"
 
 namespace isoskin {
 namespace {
@@ -72,8 +71,8 @@ std::string Certificate::summary() const {
 }
 
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
-                    const LatticeTopology& topology, const CertifyOptions& options) {
-  const SideReport sides = check_sides(mesh, pieces, field, lattice, topology, options.tolerance);
+                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory) {
+  const SideReport sides = check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory);
   Certificate certificate;
   certificate.corners_checked = sides.checked;
   certificate.wrong_side = sides.wrong;

@@ -9,6 +9,7 @@
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/columns.h"  // winding_numbers
+#include "core/topology/sides.h"
 
 namespace isoskin {
 
@@ -39,8 +40,8 @@ struct Certificate {
   bool passed = false;
   std::vector<Fault> mesh_piece;     // per piece of mesh_pieces(mesh)
   std::vector<Fault> lattice_piece;  // per piece of the LatticeTopology
-  std::size_t corners_checked = 0;   // lattice corners farther than the tolerance
-  std::size_t wrong_side = 0;        // of those, on the wrong side
+  std::size_t corners_checked = 0;   // lattice corners on whose sides mesh and field were compared
+  std::size_t wrong_side = 0;        // of those, farther than the tolerance and on the wrong side
   std::string summary() const;       // one line: counts by fault
 };
 
@@ -48,8 +49,8 @@ struct Certificate {
 /// must be 1 at lattice corners inside and 0 outside, everywhere in space, once they are farther than the tolerance
 /// (see check_sides). Topology: pieces are matched through the cells their vertices lie in (see match_pieces); a match
 /// must be one to one with equal Euler characteristic and sign of volume. Every piece of a cluster fails with it, so
-/// failed lattice pieces are where the failed mesh pieces were. Parallel and deterministic.
+/// failed lattice pieces are where the failed mesh pieces were. `memory`: see check_sides. Parallel and deterministic.
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
-                    const LatticeTopology& topology, const CertifyOptions& options);
+                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory = nullptr);
 
 }  // namespace isoskin

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <bit>
 #include <cmath>
 #include <numeric>
 #include <span>
@@ -10,6 +12,8 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+
+#include "core/parallel.h"
 
 namespace isoskin {
 namespace {
@@ -47,6 +51,59 @@ std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice
   return out;
 }
 
+std::int64_t ceil_corner(std::int64_t v) {
+  return (v + (std::int64_t{1} << kFraction) - 1) >> kFraction;
+}
+std::int64_t floor_corner(std::int64_t v) {
+  return v >> kFraction;
+}
+
+/// Corner columns within a triangle's bounds.
+struct Reach {
+  glm::ivec2 low, high;
+
+  Reach(const Rounded& a, const Rounded& b, const Rounded& c)
+      : low(ceil_corner(std::min({a.x, b.x, c.x})), ceil_corner(std::min({a.y, b.y, c.y}))),
+        high(floor_corner(std::max({a.x, b.x, c.x})), floor_corner(std::max({a.y, b.y, c.y}))) {}
+  bool empty() const { return low.x > high.x || low.y > high.y; }
+
+  /// Calls visit(brick column) until it returns true; whether it did.
+  template <class Visit>
+  bool any_brick_column(const Visit& visit) const {
+    for (int x = (low.x - 1) >> 3; x <= high.x >> 3; ++x)
+      for (int y = (low.y - 1) >> 3; y <= high.y >> 3; ++y)
+        if (visit(IVec3(x, y, 0))) return true;
+    return false;
+  }
+};
+
+/// A bijection that leaves no trace of order (Steele, Lea and Flood 2014, SplitMix64).
+std::uint64_t mixed(std::uint64_t v) {
+  v += 0x9E3779B97F4A7C15ull;
+  v = (v ^ v >> 30) * 0xBF58476D1CE4E5B9ull;
+  v = (v ^ v >> 27) * 0x94D049BB133111EBull;
+  return v ^ v >> 31;
+}
+
+/// Finds brick columns' numbers; most are that of the one before.
+class Numbers {
+public:
+  explicit Numbers(const BrickLattice& index) : index_(index) {}
+
+  Index of(const IVec3& column) {
+    if (column != last_) {
+      last_ = column;
+      last_number_ = index_.find(column);
+    }
+    return last_number_;
+  }
+
+private:
+  const BrickLattice& index_;
+  IVec3 last_{0, 0, 1};  // no column
+  Index last_number_ = kNone;
+};
+
 /// An edge from p to q seen from the columns of one x after another, upwards in y.
 template <class Wide>
 class Side {
@@ -72,34 +129,34 @@ private:
   int tie_;
 };
 
-std::int64_t ceil_corner(std::int64_t v) {
-  return (v + (std::int64_t{1} << kFraction) - 1) >> kFraction;
-}
-std::int64_t floor_corner(std::int64_t v) {
-  return v >> kFraction;
-}
-
 /// Collects crossings of a run of triangles.
 class Finder {
 public:
-  /// `index`: the lattice's brick columns.
-  explicit Finder(const BrickLattice& index) : index_(index) {}
+  /// `index`: the lattice's brick columns. `wanted`: as cross_columns() has it.
+  Finder(const BrickLattice& index, const std::vector<std::uint8_t>& wanted) : numbers_(index), wanted_(wanted) {}
 
   void triangle(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle) {
+    const Reach reach(a, b, c);
+    if (reach.empty() || !is_wanted(reach)) return;
     const auto [x0, x1] = std::minmax({a.x, b.x, c.x});
     const auto [y0, y1] = std::minmax({a.y, b.y, c.y});
-    const glm::ivec2 low(ceil_corner(x0), ceil_corner(y0)), high(floor_corner(x1), floor_corner(y1));
-    if (low.x > high.x || low.y > high.y) return;
     if (x1 - x0 < kShortSpan && y1 - y0 < kShortSpan)
-      cross<std::int64_t>(a, b, c, triangle, low, high);
+      cross<std::int64_t>(a, b, c, triangle, reach.low, reach.high);
     else
-      cross<__int128>(a, b, c, triangle, low, high);
+      cross<__int128>(a, b, c, triangle, reach.low, reach.high);
   }
 
   std::vector<Found> found;
   std::vector<std::pair<std::size_t, IVec3>> stray;  // positions in `found`: crossings in other columns, and these
 
 private:
+  bool is_wanted(const Reach& reach) {
+    return wanted_.empty() || reach.any_brick_column([&](const IVec3& column) {
+      const Index number = numbers_.of(column);
+      return number == kNone || wanted_[number];
+    });
+  }
+
   /// Columns low..high through the triangle.
   template <class Wide>
   void cross(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle, const glm::ivec2& low,
@@ -142,25 +199,15 @@ private:
     for (int dx = 0; dx <= (x & 7 ? 0 : 1); ++dx)
       for (int dy = 0; dy <= (y & 7 ? 0 : 1); ++dy) {
         const IVec3 column(bx - dx, by - dy, 0);
-        found.push_back({crossing, number_of(column)});
+        found.push_back({crossing, numbers_.of(column)});
         found.back().crossing.row =
             static_cast<std::uint8_t>(((x & 7) + kCells * dx) * kCorners + (y & 7) + kCells * dy);
-        if (last_number_ == kNone) stray.emplace_back(found.size() - 1, column);
+        if (found.back().column == kNone) stray.emplace_back(found.size() - 1, column);
       }
   }
 
-  /// Most columns are that of the crossing before.
-  Index number_of(const IVec3& column) {
-    if (column != last_) {
-      last_ = column;
-      last_number_ = index_.find(column);
-    }
-    return last_number_;
-  }
-
-  const BrickLattice& index_;
-  IVec3 last_{0, 0, 1};  // no column
-  Index last_number_ = kNone;
+  Numbers numbers_;
+  const std::vector<std::uint8_t>& wanted_;
 };
 
 /// Sorts by row, then by first; those alike in both stay in order.
@@ -211,14 +258,15 @@ void add_stray_columns(std::vector<Finder>& chunks, MeshColumns& out) {
 
 }  // namespace
 
-MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice) {
+MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
+                          const std::vector<std::uint8_t>& wanted) {
   MeshColumns out;
   const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
   const BrickLattice index = list_columns(lattice, out);
   const std::size_t triangles = mesh.triangle_count();
-  std::vector<Finder> chunks((triangles + kChunk - 1) / kChunk, Finder(index));
+  std::vector<Finder> chunks((triangles + kChunk - 1) / kChunk, Finder(index, wanted));
   tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t k) {
-    chunks[k].found.reserve(2 * kChunk);
+    if (wanted.empty()) chunks[k].found.reserve(2 * kChunk);
     for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t)
       chunks[k].triangle(vertex[mesh.vertex[3 * t]], vertex[mesh.vertex[3 * t + 1]], vertex[mesh.vertex[3 * t + 2]],
                          static_cast<Index>(t));
@@ -239,6 +287,33 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice)
     sort_column(std::span(out.crossing).subspan(out.first[c], out.first[c + 1] - out.first[c]));
   });
   return out;
+}
+
+std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLattice& lattice) {
+  MeshColumns columns;
+  const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
+  const BrickLattice index = list_columns(lattice, columns);
+  std::vector<std::uint64_t> print(mesh.vertex_count()), sum(columns.column.size(), 0);
+  for_each_index(print.size(), [&](std::size_t v) {
+    print[v] = mixed(mixed(mixed(std::uint64_t(vertex[v].x)) + std::uint64_t(vertex[v].y)) +
+                     std::bit_cast<std::uint64_t>(vertex[v].z));
+  });
+  const std::size_t triangles = mesh.triangle_count();
+  tbb::parallel_for(std::size_t{0}, (triangles + kChunk - 1) / kChunk, [&](std::size_t k) {
+    Numbers numbers(index);
+    for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t) {
+      const Index *const corner = &mesh.vertex[3 * t], a = corner[0], b = corner[1], c = corner[2];
+      const Reach reach(vertex[a], vertex[b], vertex[c]);
+      if (reach.empty()) continue;
+      const std::uint64_t of_triangle = mixed(mixed(mixed(print[a]) + print[b]) + print[c]);
+      reach.any_brick_column([&](const IVec3& column) {
+        const Index number = numbers.of(column);
+        if (number != kNone) std::atomic_ref(sum[number]).fetch_add(of_triangle, std::memory_order_relaxed);
+        return false;
+      });
+    }
+  });
+  return sum;
 }
 
 std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice) {

@@ -31,7 +31,15 @@ struct MeshColumns {
 /// (Edelsbrunner and Muecke 1990), and then all decisions are exact: a closed mesh is crossed as often upwards as
 /// downwards, and no column meets a vertex or an edge. Parallel and deterministic. Throws std::invalid_argument when
 /// the mesh reaches farther than 2^23 lattice corners from the origin.
-MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice);
+/// `wanted`: one byte for each brick column that has bricks, in order, or empty for all; what is said of others means
+/// nothing.
+MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
+                          const std::vector<std::uint8_t>& wanted = {});
+
+/// For each brick column that has bricks, in order: the sum of 64-bit fingerprints of the triangles that may cross it.
+/// As long as that is the same, the mesh crosses it in the same places. Parallel and deterministic; throws as
+/// cross_columns() does.
+std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLattice& lattice);
 
 /// Winding number of the mesh at each corner of each brick, same layout as BrickLattice::value.
 std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice);

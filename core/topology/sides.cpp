@@ -21,8 +21,9 @@ namespace {
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
-constexpr std::size_t kSlopeBricks = 256;              // bricks the median slope is taken of, at least
-constexpr int kSamples = 64;                           // corners of a stretch without bricks that are evaluated
+constexpr std::size_t kSlopeBricks = 256;  // bricks the median slope is taken of, at least
+constexpr int kSamples = 64;               // corners of a stretch without bricks that are evaluated
+constexpr double kUntold = std::numeric_limits<double>::infinity();
 constexpr double kLeastSlope = 0.5, kMostSlope = 2.0;  // of a grid of distances
 
 void mark(std::uint8_t& flag) {
@@ -64,7 +65,7 @@ struct Walk {
   const MeshColumns& columns;
   const FarCorners far;
   SideReport& report;
-  std::atomic<std::size_t> checked{0}, wrong{0};
+  std::atomic<std::size_t> wrong{0};
 };
 
 /// One lattice column, from below everything to above everything.
@@ -78,7 +79,9 @@ public:
     const float* value = &walk_.lattice.value[std::size_t{brick} * kValues];
     const bool inside = value[row_ * kCorners + z] > 0;
     step(walk_.lattice.coordinate[brick].z * kCells + z, inside, brick, z);
-    if (mismatch_ == 0 || !walk_.far(value, x(), y(), z)) return;
+    if (mismatch_ == 0) return;
+    look_at(value[row_ * kCorners + z]);
+    if (!walk_.far(value, x(), y(), z)) return;
     far_ = true;
     if (owned()) ++wrong;
   }
@@ -99,8 +102,11 @@ public:
     unsigned differing = (wound ^ inside) & kAll & kAll << from;
     if (differing >> kCells) return false;
     const float* value = &walk_.lattice.value[std::size_t{brick} * kValues] + row_ * kCorners;
-    for (; differing; differing &= differing - 1)
-      if (!(std::abs(double(value[std::countr_zero(differing)])) <= walk_.far.threshold())) return false;
+    for (; differing; differing &= differing - 1) {
+      const double v = value[std::countr_zero(differing)];
+      if (!(std::abs(v) <= walk_.far.threshold())) return false;
+      look_at(v);
+    }
     next_ = next;
     winding_ = winding;
     inside_ = inside >> kCells;
@@ -122,8 +128,14 @@ public:
   }
 
   std::size_t wrong = 0;
+  double worst = 0.0;  // see SideMemory
 
 private:
+  /// At a corner where mesh and field differ.
+  void look_at(double value) {
+    if (!(std::abs(value) <= worst)) worst = std::isnan(value) ? kUntold : std::abs(value);
+  }
+
   static constexpr unsigned kAll = 0x1ff;  // of the corners of a row
 
   struct Causes {
@@ -155,6 +167,7 @@ private:
   }
 
   void sample(std::int32_t from, std::int32_t last) {
+    worst = kUntold;
     const std::int32_t stride = std::max(1, (last - from) / kSamples);
     for (std::int32_t k = from; k <= last && !far_; k += stride) {
       const IVec3 corner(column_.x * kCells + x(), column_.y * kCells + y(), k);
@@ -179,11 +192,13 @@ private:
   Causes begun_;
 };
 
-void walk_column(Walk& walk, std::size_t c) {
+/// Returns the column's worst, see SideMemory.
+double walk_column(Walk& walk, std::size_t c) {
   constexpr std::int32_t kTop = std::numeric_limits<std::int32_t>::max();
   const Index brick_end = walk.columns.first_brick[c + 1];
   Index next = walk.columns.first[c];
   std::size_t wrong = 0;
+  double worst = 0.0;
   for (int row = 0; row < kCorners * kCorners; ++row) {
     Index end = next;
     while (end < walk.columns.first[c + 1] && walk.columns.crossing[end].row == row) ++end;
@@ -202,19 +217,50 @@ void walk_column(Walk& walk, std::size_t c) {
     }
     column.gap(kTop);
     wrong += column.wrong;
+    worst = std::max(worst, column.worst);
     next = end;
   }
   walk.wrong.fetch_add(wrong, std::memory_order_relaxed);
+  return worst;
 }
 
-std::size_t count_far(const BrickLattice& lattice, const FarCorners& far) {
-  std::atomic<std::size_t> sum{0};
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lattice.brick_count(), 16), [&](const auto& range) {
-    std::size_t count = 0;
-    for (std::size_t b = range.begin(); b != range.end(); ++b) count += far.count(&lattice.value[b * kValues]);
-    sum.fetch_add(count, std::memory_order_relaxed);
+/// The first brick of each brick column, and their number.
+std::vector<Index> first_bricks(const BrickLattice& lattice) {
+  std::vector<Index> first;
+  const auto& brick = lattice.coordinate;
+  for (Index b = 0; b < brick.size(); ++b)
+    if (b == 0 || brick[b].x != brick[b - 1].x || brick[b].y != brick[b - 1].y) first.push_back(b);
+  first.push_back(static_cast<Index>(brick.size()));
+  return first;
+}
+
+/// The column of the lattice before that has the bricks first..end of this one and no others, else kNone.
+Index column_before(const SideMemory& before, const BrickLattice& lattice, Index first, Index end) {
+  const Index was = lattice.same_as[first];
+  if (was == kNone) return kNone;
+  for (Index b = first; b < end; ++b)
+    if (lattice.same_as[b] != was + (b - first)) return kNone;
+  const auto at = std::lower_bound(before.first_brick.begin(), before.first_brick.end(), was);
+  const bool same = at != before.first_brick.end() && *at == was && *(at + 1) == was + (end - first);
+  return same ? static_cast<Index>(at - before.first_brick.begin()) : kNone;
+}
+
+/// Fills `now`, but for what a walk has to find out; one byte a column: whether it has to be walked. Empty: all.
+std::vector<std::uint8_t> columns_to_walk(const TriangleMesh& mesh, const BrickLattice& lattice, double threshold,
+                                          const SideMemory& before, SideMemory& now) {
+  if (lattice.same_as.empty()) return {};
+  now.first_brick = first_bricks(lattice);
+  now.print = column_prints(mesh, lattice);
+  now.worst.assign(now.print.size(), 0.0);
+  if (before.print.empty()) return {};
+  std::vector<std::uint8_t> walk(now.print.size(), 1);
+  for_each_index(walk.size(), [&](std::size_t c) {
+    const Index old = column_before(before, lattice, now.first_brick[c], now.first_brick[c + 1]);
+    if (old == kNone || before.print[old] != now.print[c] || !(before.worst[old] <= threshold)) return;
+    now.worst[c] = before.worst[old];
+    walk[c] = 0;
   });
-  return sum;
+  return walk;
 }
 
 }  // namespace
@@ -240,31 +286,29 @@ bool FarCorners::operator()(const float* value, int x, int y, int z) const {
   return v * v > tolerance_ * tolerance_ * squared;
 }
 
-std::size_t FarCorners::count(const float* value) const {
-  float limit = static_cast<float>(threshold());  // no float lies between it and the threshold
-  if (limit > threshold()) limit = std::nextafter(limit, 0.0f);
-  int count = 0;
-  for (int x = 0; x < kCells; ++x)
-    for (int y = 0; y < kCells; ++y) {
-      const float* row = value + (x * kCorners + y) * kCorners;
-      for (int z = 0; z < kCells; ++z) count += distances_ ? std::abs(row[z]) > limit : (*this)(value, x, y, z);
-    }
-  return static_cast<std::size_t>(count);
-}
-
 bool FarCorners::is_far(double value, double slope, double share) const {
   return !(std::abs(value) <= share * tolerance_ * (distances_ ? median_slope_ : std::max(median_slope_, slope)));
 }
 
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
-                       const BrickLattice& lattice, const LatticeTopology& topology, double tolerance) {
+                       const BrickLattice& lattice, const LatticeTopology& topology, double tolerance,
+                       SideMemory* memory) {
   SideReport report;
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
-  const MeshColumns columns = cross_columns(mesh, lattice);
-  Walk walk{mesh, pieces, field, lattice, topology, columns, FarCorners(field, lattice, tolerance), report};
-  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) { walk_column(walk, c); });
-  report.checked = count_far(lattice, walk.far);
+  const FarCorners far(field, lattice, tolerance);
+  SideMemory now;
+  const std::vector<std::uint8_t> wanted =
+      memory ? columns_to_walk(mesh, lattice, far.threshold(), *memory, now) : std::vector<std::uint8_t>{};
+  const MeshColumns columns = cross_columns(mesh, lattice, wanted);
+  Walk walk{mesh, pieces, field, lattice, topology, columns, far, report};
+  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
+    if (c < wanted.size() && !wanted[c]) return;
+    const double worst = walk_column(walk, c);
+    if (c < now.worst.size()) now.worst[c] = worst;
+  });
+  if (memory) *memory = std::move(now);
+  report.checked = lattice.brick_count() * kCells * kCells * kCells;
   report.wrong = walk.wrong;
   return report;
 }

@@ -21,8 +21,6 @@ public:
 
   /// Of a corner of the brick whose first value is at `value`; |grad F| by differences.
   bool operator()(const float* value, int x, int y, int z) const;
-  /// How many of the brick's corners 0..7 are far.
-  std::size_t count(const float* value) const;
   /// Of a value of F where its gradient is `slope` long, and `share` of the tolerance.
   bool is_far(double value, double slope, double share = 1.0) const;
   /// No |F| up to this is far.
@@ -34,18 +32,30 @@ private:
 };
 
 struct SideReport {
-  std::size_t checked = 0;                  // lattice corners farther from the surface than the tolerance
-  std::size_t wrong = 0;                    // of those, with a winding number that is not 1 inside and 0 outside
+  std::size_t checked = 0;  // lattice corners on whose sides mesh and field were compared
+  std::size_t wrong = 0;    // of those, farther from the surface than the tolerance with a winding number that is not
+                            // 1 inside and 0 outside
   std::vector<std::uint8_t> mesh_piece;     // 1: a wrong stretch of a lattice column begins or ends at this piece
   std::vector<std::uint8_t> lattice_piece;  // 1: such a stretch begins or ends where this piece has no mesh
+};
+
+/// What a check of sides leaves to the next frame's.
+struct SideMemory {
+  std::vector<Index> first_brick;    // per brick column that has bricks, CSR
+  std::vector<std::uint64_t> print;  // per column: see column_prints(); empty where nothing is remembered
+  std::vector<double> worst;  // per column: the greatest |F| at a corner where mesh and field differ; infinite where
+                              // that is not told by the column's bricks
 };
 
 /// Walks up every lattice column with the winding number of the mesh on one hand and the sign of F on the other. A
 /// stretch of corners where they disagree by the same amount is wrong when one of its corners is farther from the
 /// surface than `tolerance`; whatever changes at its two ends, mesh or sign, is to blame. Columns are walked from end
 /// to end of space: where there are no bricks F keeps its sign, and corners in wrong stretches are evaluated through
-/// `field` (up to 64 a stretch). See FarCorners for what is far. Parallel and deterministic.
+/// `field` (up to 64 a stretch). See FarCorners for what is far. `memory`, if given, is of the lattice that
+/// lattice.same_as refers to, and becomes of this one: columns in which neither mesh nor lattice has changed, and
+/// nothing was far, are not walked again, with the same report. Parallel and deterministic.
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
-                       const BrickLattice& lattice, const LatticeTopology& topology, double tolerance);
+                       const BrickLattice& lattice, const LatticeTopology& topology, double tolerance,
+                       SideMemory* memory = nullptr);
 
 }  // namespace isoskin
