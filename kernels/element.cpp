@@ -4,12 +4,20 @@
 
 namespace isoskin::opencl {
 
+namespace {
+
+Kernel element_kernel(Device& device, const char* name) {
+  return device.kernel({source::element}, "-DVW=" + std::to_string(device.vector_width()), name);
+}
+
+}  // namespace
+
 Elements::Elements(Device& device)
     : device_(&device),
-      fem_forces_(device.kernel({source::element}, "", "element_forces")),
-      fem_product_(device.kernel({source::element}, "", "element_product")),
-      spring_forces_(device.kernel({source::element}, "", "spring_forces")),
-      spring_product_(device.kernel({source::element}, "", "spring_product")),
+      fem_forces_(element_kernel(device, "element_forces")),
+      fem_product_(element_kernel(device, "element_product")),
+      spring_forces_(element_kernel(device, "spring_forces")),
+      spring_product_(element_kernel(device, "spring_product")),
       frames_(device),
       slots_(device) {}
 
@@ -22,8 +30,9 @@ void Elements::forces(const ResidentMesh& mesh, const Array<Vec3>& normals, cons
     return;
   }
   frames_.resize(8 * mesh.triangle_count());
-  device_->launch(fem_forces_, count, mesh.positions, normals, inverted, mesh.vertex, frames_, slots_,
-                  material(options), count);
+  const cl_uint width = device_->vector_width();
+  device_->launch_shares(fem_forces_, (count + width - 1) / width, mesh.positions, normals, inverted, mesh.vertex,
+                         frames_, slots_, material(options), count);
 }
 
 Elements::Material Elements::material(const RelaxOptions& options) {
