@@ -289,7 +289,6 @@ void Device::set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t by
 }
 
 void Device::enqueue(const Kernel& kernel, std::size_t items, std::size_t local) {
-  busy_ = true;
   const std::size_t global = (items + local - 1) / local * local;
   const auto begin = std::chrono::steady_clock::now();
   const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local, 0, nullptr,
@@ -335,7 +334,6 @@ void Device::finish() {
 }
 
 void* Device::map(cl_mem memory, Access access, std::size_t bytes) {
-  busy_ = true;
   cl_int code = CL_SUCCESS;
   void* mapped = clEnqueueMapBuffer(queue_.get(), memory, CL_FALSE, map_flags(access), 0, bytes, 0, nullptr,
                                     event_slot("copy", "map"), &code);
@@ -344,25 +342,21 @@ void* Device::map(cl_mem memory, Access access, std::size_t bytes) {
 }
 
 void Device::unmap(cl_mem memory, void* mapped) {
-  busy_ = true;
   check(clEnqueueUnmapMemObject(queue_.get(), memory, mapped, 0, nullptr, event_slot("copy", "unmap")),
         "clEnqueueUnmapMemObject");
 }
 
 void Device::read(cl_mem memory, void* to, std::size_t bytes) {
-  busy_ = true;
   check(clEnqueueReadBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
         "clEnqueueReadBuffer");
 }
 
 void Device::write(cl_mem memory, const void* from, std::size_t bytes) {
-  busy_ = true;
   check(clEnqueueWriteBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, from, 0, nullptr, event_slot("copy", "write")),
         "clEnqueueWriteBuffer");
 }
 
 void Device::clear(cl_mem memory, std::size_t bytes) {
-  busy_ = true;
   const cl_uint zero = 0;
   check(clEnqueueFillBuffer(queue_.get(), memory, &zero, sizeof zero, 0, bytes, 0, nullptr, event_slot("copy", "fill")),
         "clEnqueueFillBuffer");
@@ -376,8 +370,9 @@ Memory Device::wrap(void* host, std::size_t bytes) {
 }
 
 cl_event* Device::event_slot(const char* track, const std::string& name) {
+  if (profile_ && pending_.size() >= kMostPending) finish();
+  busy_ = true;
   if (!profile_) return nullptr;
-  if (pending_.size() >= kMostPending) finish();
   pending_.push_back({track, name, nullptr});
   return &pending_.back().event;
 }

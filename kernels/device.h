@@ -150,6 +150,7 @@ private:
   }
   void set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t bytes, const void* value);
   void enqueue(const Kernel& kernel, std::size_t items, std::size_t local);
+  /// Of a command that is about to be enqueued.
   cl_event* event_slot(const char* track, const std::string& name);
   void collect_events();
 
