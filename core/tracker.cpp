@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/frame_step.h"
 #include "core/mechanics/motion.h"
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
@@ -26,27 +27,6 @@ namespace isoskin {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-/// Times the steps of a frame into its report and, when on, into the trace.
-class Step {
-public:
-  Step(FrameReport& report, const char* name) : report_(report), span_(name), name_(name), begin_(Clock::now()) {}
-  ~Step() {
-    const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin_).count();
-    const auto same =
-        std::find_if(report_.ms.begin(), report_.ms.end(), [&](const auto& e) { return e.first == name_; });
-    if (same != report_.ms.end())
-      same->second += ms;
-    else
-      report_.ms.emplace_back(name_, ms);
-  }
-
-private:
-  FrameReport& report_;
-  Span span_;
-  const char* name_;
-  Clock::time_point begin_;
-};
 
 std::vector<Index> sorted_ids(const TriangleMesh& mesh) {
   std::vector<Index> ids = mesh.vertices.id;
@@ -108,11 +88,6 @@ std::vector<LedgerEntry> ledger_of(const FieldFrame& frame, const TriangleMesh& 
     if (certificate.lattice_piece[p] == Fault::missing)
       entries.push_back({frame.frame, frame.time, name(Fault::missing), 3, topology.box[p].center(), 0, ms});
   return entries;
-}
-
-/// Grids have a critical point in every other voxel; they are left to the collisions and the certificate.
-bool has_critical_points(const Field& field) {
-  return field.is_c2() && field.resolution() == 0.0;
 }
 
 /// All of a small piece that failed is a bad site: a droplet may lie folded on the surface, where no lattice corner and
@@ -283,55 +258,6 @@ void Tracker::wake_up(const FieldFrame& frame) {
   wake(mesh_.vertices, ChangeMask(moves, options_.sleep.margin * options_.edge_length));
 }
 
-/// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
-/// skin follows the field to a moment between them first.
-void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
-  ledger_.clear();
-  const bool wanted = options_.topology != Topology::collision;
-  if (!wanted || !last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) {
-    critical_ = {};
-    return;
-  }
-  const EventOptions options = event_options(options_.edge_length);
-  if (critical_.field != last_field_) {  // the second frame
-    Step step(report, "surgery");
-    backend_->set_field(last_field_);
-    critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
-    backend_->set_field(frame.field);
-  }
-  for (int part = 1;; ++part) {
-    const EventPlan plan = plan_events(frame.field, report);
-    const auto cut = part < options_.most_parts ? time_between_events(plan, options) : std::nullopt;
-    const auto between = cut ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
-    if (!between) return operate_on(plan, frame, report);
-    backend_->set_field(between);
-    wake(mesh_.vertices, ChangeMask({true, {}}, 0.0));  // between two moments a field may be anything
-    operate_on(plan_events(between, report), frame, report);
-    backend_->project(mesh_.vertices.position, options_.project, {});
-    grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
-    relax(report);
-    backend_->set_field(frame.field);
-  }
-}
-
-EventPlan Tracker::plan_events(const std::shared_ptr<const Field>& field, FrameReport& report) {
-  Step step(report, "surgery");
-  return plan_critical_events(mesh_, critical_, field, *backend_, event_options(options_.edge_length));
-}
-
-/// The plan's events, with their ledger.
-void Tracker::operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report) {
-  Step step(report, "surgery");
-  const auto begin = Clock::now();
-  const EventReport done = operate_on_critical_events(mesh_, critical_, plan, event_options(options_.edge_length));
-  const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
-  for (const CriticalEvent& event : done.events)
-    if (event.done) {
-      ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
-      report.reextracted[0] += share_of_area(event.area);
-    }
-}
-
 /// Predicts; where the new surface has another topology than the mesh that was to follow it, the mesh as it was is
 /// operated on and predicted again.
 void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
@@ -347,8 +273,10 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     {
       Step step(report, "predict");
       if (may_collide) before = mesh_.vertices;
+      const ThinMotion thin = thin_motion(*frame.field);
       predict(mesh_, frame.velocity.get(), seconds_to(frame), *frame.field, *backend_, options_.project,
               sleeping(mesh_.vertices, options_.sleep), flow);
+      thin.apply(mesh_, *frame.field, seconds_to(frame));
     }
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
@@ -458,12 +386,16 @@ Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
 
 /// One byte a vertex: 1 where it is only projected, since elements of edge e do not fit.
 std::vector<std::uint8_t> Tracker::held_vertices() const {
-  ThinOptions thin;
-  thin.edge_length = options_.edge_length;
   std::vector<std::uint8_t> held(mesh_.vertex_count());
   for (const Index v : small_piece_vertices(mesh_)) held[v] = 1;
-  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin)) held[v] = 1;
+  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin_options())) held[v] = 1;
   return held;
+}
+
+ThinOptions Tracker::thin_options() const {
+  ThinOptions options;
+  options.edge_length = options_.edge_length;
+  return options;
 }
 
 Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) {

@@ -18,6 +18,8 @@
 #include "core/topology/events.h"
 #include "core/topology/repair.h"
 #include "core/topology/reskin.h"
+#include "core/topology/thin_features.h"
+#include "core/topology/thin_motion.h"
 
 namespace isoskin {
 
@@ -154,11 +156,20 @@ private:
     std::vector<std::uint8_t> inverted, quasi_critical;
   };
 
+  /// What critical events made of the mesh.
+  struct Operated {
+    TriangleMesh mesh;
+    CriticalState critical;
+    EventReport report;
+    double ms = 0.0;
+  };
+
   double seconds_to(const FieldFrame& frame) const { return started_ ? frame.time - time_ : 0.0; }
   void wake_up(const FieldFrame& frame);
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
-  void operate_on(const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
+  Operated operated_on(const EventPlan& plan, FrameReport& report);
+  void take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
   Evidence sample(const FieldFrame& frame, FrameReport& report);
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
@@ -168,6 +179,8 @@ private:
   Relaxed relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how);
   Relaxed relax_whole(const RelaxOptions& how);
   std::vector<std::uint8_t> held_vertices() const;
+  ThinOptions thin_options() const;
+  ThinMotion thin_motion(const Field& field) const;
   void keep_awake(const Relaxed& relaxed);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
@@ -191,8 +204,10 @@ private:
   std::vector<Vec3> normals_;
   GeometricSkin geometric_;
   std::vector<LedgerEntry> ledger_;
-  std::vector<Index> inherited_;  // ids that vertices of new skin have taken over in this frame
-  CriticalState critical_;        // of the last field, where it has second derivatives
+  std::vector<Index> inherited_;          // ids that vertices of new skin have taken over in this frame
+  CriticalState critical_;                // of the last field, where it has second derivatives
+  std::shared_ptr<const Field> lies_on_;  // the mesh, before it moves to the frame's field
+  std::vector<CriticalPath> paths_;       // of critical points from that field to the frame's
 };
 
 }  // namespace isoskin

@@ -90,6 +90,10 @@ EventOptions event_options(double edge_length) {
   return options;
 }
 
+bool has_critical_points(const Field& field) {
+  return field.is_c2() && field.resolution() == 0.0;
+}
+
 std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, Backend& backend,
                                   const ChangeMask& about) {
   std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend, about);
@@ -157,6 +161,21 @@ std::optional<double> time_between_events(const EventPlan& plan, const EventOpti
     const bool possible = event.crossing_time - last.crossing_time > 2.0 * options.shortest_part &&
                           between > options.shortest_part && between < 1.0 - options.shortest_part;
     if (possible) return between;
+  }
+  return std::nullopt;
+}
+
+std::optional<double> time_before_refusal(const EventPlan& plan, const EventReport& done, const EventOptions& options) {
+  const double narrow = options.narrow * options.critical.edge_length;
+  for (std::size_t i = 0; i < plan.crossings.size(); ++i) {
+    const CriticalPath& path = plan.crossings[i];
+    const bool passage = path.first.kind == CriticalKind::two_saddle || path.first.kind == CriticalKind::one_saddle;
+    if (done.events[i].done || !passage || !path.existed_before()) continue;
+    const double value = 0.5 * std::abs(path.first.hessian.values[1]) * narrow * narrow;
+    const double left = value / std::abs(path.first.value);
+    const double time = path.crossing_time * (1.0 - left);
+    constexpr double kWorthwhile = 0.7;
+    if (left < kWorthwhile && time > options.shortest_part) return time;
   }
   return std::nullopt;
 }

@@ -29,6 +29,7 @@ struct EventOptions {
   SurgeryOptions surgery;
   double separation = 6.0;      // events nearer to each other than this are kept apart in time; units of e
   double shortest_part = 1e-3;  // but no part of a frame is shorter than this share of it
+  double narrow = 0.25;         // the radius of a narrow waist; units of e
   std::size_t complete_elements =
       64;  // the first frame of a skeleton of at most this many points is searched completely
   std::size_t complete_boxes = 150'000;  // and that search ends after so many boxes
@@ -52,6 +53,10 @@ struct EventReport {
   std::size_t critical_points = 0, degenerate = 0, born = 0, died = 0;
   std::size_t done = 0, left_over = 0;
 };
+
+/// Whether they tell of events. Grids have one in every other voxel; they are left to the collisions and the
+/// certificate.
+bool has_critical_points(const Field& field);
 
 /// Where searches for critical points start: vertices of least gradient, the elements of a skeleton and the middles of
 /// those that overlap.
@@ -83,6 +88,11 @@ EventPlan plan_critical_events(const TriangleMesh& mesh, const CriticalState& st
 /// than options.separation: each would be operated on a mesh that does not show the other yet. Nothing when all are
 /// far apart or simultaneous.
 std::optional<double> time_between_events(const EventPlan& plan, const EventOptions& options);
+
+/// Where to cut the frame in two, as a share of it, so that the first event which was refused finds the waist of its
+/// neck or tunnel narrow: thick, it may hang together with what else lies in its plane. `done`: of the whole plan, in
+/// order. Nothing when all were done, or the waist was narrow.
+std::optional<double> time_before_refusal(const EventPlan& plan, const EventReport& done, const EventOptions& options);
 
 /// The field at the share s from `before` to `after`, along the way that critical points are tracked. Null when it
 /// cannot be made as a field that backends know: both must be skeletons.

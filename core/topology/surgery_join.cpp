@@ -90,17 +90,27 @@ DVec3 settled_position(const Theatre& theatre, const DVec3& p) {
   return project_point(theatre.field, p, project).point;
 }
 
-/// The hit triangle and what touches the new tube's inside: triangles with a corner nearer to the axis than `radius`.
+/// Distance from the origin to the segment p q.
+double distance_to_segment(const glm::dvec2& p, const glm::dvec2& q) {
+  const glm::dvec2 d = q - p;
+  const double length2 = glm::dot(d, d), t = length2 > 0.0 ? std::clamp(-glm::dot(p, d) / length2, 0.0, 1.0) : 0.0;
+  return glm::length(p + t * d);
+}
+
+/// The hit triangle and what reaches into the new tube: triangles nearer to the axis than `radius`. Corners alone would
+/// leave borders with edges that the axis passes on the wrong side, and the tube would fold.
 std::vector<Index> disc_about(const TriangleMesh& mesh, const Theatre& theatre, Index seed, double radius) {
   const DVec3 origin = theatre.site.before.position, axis = theatre.axis_before();
+  const DVec3 u = theatre.site.before.hessian.vectors[1], v = glm::cross(axis, u);
   return grow_disc(mesh, {seed}, [&](Index t) {
-    double nearest = std::numeric_limits<double>::infinity();
-    for (Index h = 3 * t; h < 3 * t + 3; ++h) {
-      const DVec3 x = DVec3(mesh.position(mesh.vertex[h])) - origin;
+    glm::dvec2 corner[3];
+    for (Index k = 0; k < 3; ++k) {
+      const DVec3 x = DVec3(mesh.position(mesh.vertex[3 * t + k])) - origin;
       if (glm::length(x) > theatre.reach()) return false;
-      nearest = std::min(nearest, glm::length(x - glm::dot(x, axis) * axis));
+      corner[k] = {glm::dot(x, u), glm::dot(x, v)};
     }
-    return nearest < radius;
+    return std::min({distance_to_segment(corner[0], corner[1]), distance_to_segment(corner[1], corner[2]),
+                     distance_to_segment(corner[2], corner[0])}) < radius;
   });
 }
 

@@ -1,5 +1,7 @@
 // The ring of triangles about a saddle is taken away and both sides are capped.
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <set>
 #include <vector>
 
@@ -77,6 +79,53 @@ Section section_about(const TriangleMesh& mesh, const Theatre& theatre, const Pl
   return best;
 }
 
+/// True when nothing is left of what the curve encloses in the field to follow, seen along its spokes.
+bool is_clear(const Section& section, const Theatre& theatre) {
+  constexpr double kAlong[] = {0.3, 0.6, 0.9};
+  const DVec3 &from = theatre.site.before.position, &to = theatre.site.after.position;
+  return std::all_of(section.point.begin(), section.point.end(), [&](const DVec3& p) {
+    return std::all_of(std::begin(kAlong), std::end(kAlong),
+                       [&](double along) { return theatre.filled(to + along * (p - from)) <= 0.0; });
+  });
+}
+
+struct Cut {
+  Plane plane;
+  Section section;
+  bool straight = true;  // the plane is the one across the axis
+};
+
+/// In the plane across the axis, else in the planes tilted out of it or moved along it a little whose curve stays
+/// nearest: beside a neck just short of breaking runs a gap that the plane may leave where it bends.
+Cut cut_about(const TriangleMesh& mesh, const Theatre& theatre) {
+  constexpr double kTilts[] = {0.25, 0.5, 0.8}, kShifts[] = {0.0, -0.25, 0.25, -0.5, 0.5};  // tangents; of e
+  constexpr int kDirections = 8;
+  constexpr double kFarthest = 4.0;  // of e
+  const DVec3 origin = theatre.site.before.position, axis = theatre.axis_before();
+  Cut best{{origin, axis}, {}};
+  best.section = section_about(mesh, theatre, best.plane);
+  if (!best.section.halfedge.empty()) return best;
+  const DVec3 u = theatre.site.before.hessian.vectors[1], v = glm::cross(axis, u);
+  double least = kFarthest * theatre.e();
+  const auto look_in = [&](const Plane& plane) {
+    Section section = section_about(mesh, theatre, plane);
+    if (section.halfedge.empty() || farthest(section, origin) >= least) return;
+    if (winding(section, plane) != int(theatre.matter) || !is_clear(section, theatre)) return;
+    least = farthest(section, origin);
+    best = {plane, std::move(section), false};
+  };
+  for (const double shift : kShifts) {
+    const DVec3 moved = origin + shift * theatre.e() * axis;
+    if (shift != 0.0) look_in({moved, axis});
+    for (const double tilt : kTilts)
+      for (int i = 0; i < kDirections; ++i) {
+        const double angle = 2.0 * std::numbers::pi * i / kDirections;
+        look_in({moved, glm::normalize(axis + tilt * (std::cos(angle) * u + std::sin(angle) * v))});
+      }
+  }
+  return best;
+}
+
 /// Where the cap's tip goes, `side` 1 above the plane, -1 below: on the new surface along the axis. That must be nearer
 /// than the end of the matter that is there now, else all of this matter is about to go and half way to its end does.
 struct Tip {
@@ -130,8 +179,7 @@ void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, I
 }  // namespace
 
 SurgeryReport sever(TriangleMesh& mesh, const Theatre& theatre) {
-  const Plane plane{theatre.site.before.position, theatre.axis_before()};
-  const Section section = section_about(mesh, theatre, plane);
+  const auto [plane, section, straight] = cut_about(mesh, theatre);
   if (section.halfedge.empty()) return refused("no ring of triangles goes around the critical point");
   MeshPatch patch(mesh);
   const Tip tip[2] = {tip_on(mesh, theatre, section, 1.0), tip_on(mesh, theatre, section, -1.0)};
@@ -140,6 +188,7 @@ SurgeryReport sever(TriangleMesh& mesh, const Theatre& theatre) {
   const Index low_id = mesh.next_id + low - Index(mesh.vertex_count());
   SurgeryReport report = applied(mesh, patch);
   if (!report) return report;
+  if (!straight) return report;  // the caps are large already
   const double radius = farthest(section, plane.origin);
   if (tip[0].on_surface) widen_cap(mesh, theatre, plane, high_id, 1.0, tip[0].height, radius, report);
   if (tip[1].on_surface) widen_cap(mesh, theatre, plane, low_id, -1.0, tip[1].height, radius, report);

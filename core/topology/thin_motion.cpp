@@ -1,0 +1,133 @@
+#include "core/topology/thin_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/parallel.h"
+
+namespace isoskin {
+namespace {
+
+bool is_solid(const CriticalPoint& p) {
+  return p.kind == CriticalKind::two_saddle;
+}
+
+/// A neck inside, or a tunnel outside.
+bool is_passage(const CriticalPoint& p) {
+  return (is_solid(p) && p.value > 0.0) || (p.kind == CriticalKind::one_saddle && p.value < 0.0);
+}
+
+/// The two curvatures across the axis and the one along it, by size.
+struct Curvatures {
+  double sharper, blunter, along;
+
+  explicit Curvatures(const CriticalPoint& p) {
+    const DVec3 size = glm::abs(p.hessian.values);
+    const int axis = is_solid(p) ? 2 : 0;
+    sharper = std::max(size[1], size[2 - axis]);
+    blunter = std::min(size[1], size[2 - axis]);
+    along = size[axis];
+  }
+};
+
+DVec3 axis_of(const CriticalPoint& p) {
+  return p.hessian.vectors[is_solid(p) ? 2 : 0];
+}
+
+/// p, turned the shortest way that takes unit vector a to b; these are less than a half turn apart.
+DVec3 turned(const DVec3& p, const DVec3& a, const DVec3& b) {
+  const DVec3 v = glm::cross(a, b), w = glm::cross(v, p);
+  return p + w + glm::cross(v, w) / (1.0 + glm::dot(a, b));
+}
+
+}  // namespace
+
+ThinMotion::ThinMotion(const TriangleMesh& mesh, std::span<const CriticalPath> paths, const Field& before,
+                       const Field& after, const ThinOptions& options)
+    : options_(options) {
+  const double thin2 = std::pow(options.thin * options.edge_length, 2.0);
+  std::vector<const Field*> lies_on;
+  for (const CriticalPath& path : paths) {
+    if (!path.exists_after() || !is_passage(path.last)) continue;
+    const bool stays = path.existed_before() && is_passage(path.first);
+    const CriticalPoint& first = stays ? path.first : path.last;  // new tubes are made where they are going
+    const Curvatures curved_before(first), curved_after(path.last);
+    const double waist2_before = 2.0 * std::abs(first.value) / curved_before.sharper;
+    const double waist2_after = 2.0 * std::abs(path.last.value) / curved_after.sharper;
+    const double spare = thin2 - std::min(waist2_before, waist2_after);
+    if (spare <= 0.0) continue;
+    const double radius = std::sqrt((waist2_before + spare) * curved_before.sharper / curved_before.blunter);
+    const double half = std::sqrt(spare * curved_before.sharper / curved_before.along);
+    DVec3 axis = axis_of(path.last);
+    if (glm::dot(axis, axis_of(first)) < 0.0) axis = -axis;
+    parts_.push_back({{first.position, axis_of(first), is_solid(first)},
+                      {path.last.position, axis, is_solid(first)},
+                      std::min(half, options.longest * options.edge_length),
+                      radius});
+    lies_on.push_back(stays ? &before : &after);
+  }
+  if (parts_.empty()) return;
+  constexpr double kOnIt = 0.02;  // of e
+  std::vector<Index> part(mesh.vertex_count(), kNone);
+  for_each_index(part.size(), [&](std::size_t v) {
+    double least = std::numeric_limits<double>::infinity();
+    for (Index i = 0; i < parts_.size(); ++i) {
+      const Passage& passage = parts_[i].before;
+      const DVec3 d = DVec3(mesh.position(Index(v))) - passage.center;
+      const double along = glm::dot(d, passage.axis);
+      const bool in = std::abs(along) <= parts_[i].half_length &&
+                      glm::length(d - along * passage.axis) <= parts_[i].radius && glm::length(d) < least;
+      if (!in) continue;
+      const auto wall = settled(passage, d, *lies_on[i]);
+      if (!wall || glm::distance(*wall, d) > kOnIt * options.edge_length) continue;  // of another wall
+      least = glm::length(d);
+      part[v] = i;
+    }
+  });
+  for (Index v = 0; v < part.size(); ++v) {
+    if (part[v] == kNone) continue;
+    const Part& p = parts_[part[v]];
+    const DVec3 offset = turned(DVec3(mesh.position(v)) - p.before.center, p.before.axis, p.after.axis);
+    noted_.push_back({v, part[v], offset, mesh.position(v)});
+  }
+}
+
+/// Where the wall is in the direction of `offset` from the axis; nothing when it is far.
+std::optional<DVec3> ThinMotion::settled(const Passage& passage, const DVec3& offset, const Field& field) const {
+  constexpr double kStep = 0.1, kFarthest = 4.0;  // of e
+  constexpr int kHalvings = 24;
+  const double e = options_.edge_length, along = glm::dot(offset, passage.axis);
+  const DVec3 across = offset - along * passage.axis;
+  const double length = glm::length(across);
+  const auto filled = [&](double r) {
+    const double value = field.value(passage.center + along * passage.axis + r / length * across);
+    return passage.solid ? value > 0.0 : value < 0.0;
+  };
+  if (!(length > 0.0) || !filled(0.0)) return std::nullopt;
+  for (double far = kStep * e; far <= kFarthest * e; far += kStep * e) {
+    if (filled(far)) continue;
+    double low = far - kStep * e, high = far;
+    for (int i = 0; i < kHalvings; ++i) {
+      const double middle = 0.5 * (low + high);
+      (filled(middle) ? low : high) = middle;
+    }
+    return along * passage.axis + 0.5 * (low + high) / length * across;
+  }
+  return std::nullopt;
+}
+
+void ThinMotion::apply(TriangleMesh& mesh, const Field& after, double dt) const {
+  constexpr double kFarthest = 1.5;  // of e
+  for_each_index(noted_.size(), [&](std::size_t i) {
+    const Noted& noted = noted_[i];
+    const Passage& passage = parts_[noted.part].after;
+    const auto offset = settled(passage, noted.offset, after);
+    if (!offset || glm::distance(*offset, noted.offset) > kFarthest * options_.edge_length) return;
+    Vec3& position = mesh.vertices.position[noted.vertex];
+    position = Vec3(passage.center + *offset);
+    if (dt > 0.0) mesh.vertices.velocity[noted.vertex] = (position - noted.old) / float(dt);
+  });
+}
+
+}  // namespace isoskin

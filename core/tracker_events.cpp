@@ -1,0 +1,93 @@
+// Tier 1 at critical points, between two frames.
+#include <chrono>
+#include <utility>
+
+#include "core/frame_step.h"
+#include "core/topology/droplets.h"
+#include "core/topology/thin_motion.h"
+#include "core/tracker.h"
+
+namespace isoskin {
+
+/// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
+/// skin follows the field to a moment between them first.
+void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
+  ledger_.clear();
+  paths_.clear();
+  const bool wanted = options_.topology != Topology::collision;
+  if (!wanted || !last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) {
+    critical_ = {};
+    return;
+  }
+  const EventOptions options = event_options(options_.edge_length);
+  if (critical_.field != last_field_) {  // the second frame
+    Step step(report, "surgery");
+    backend_->set_field(last_field_);
+    critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
+    backend_->set_field(frame.field);
+  }
+  for (int part = 1;; ++part) {
+    const EventPlan plan = plan_events(frame.field, report);
+    std::optional<double> cut = time_between_events(plan, options);
+    Operated operated;
+    if (!cut) {
+      operated = operated_on(plan, report);
+      cut = time_before_refusal(plan, operated.report, options);
+    } else if (part == options_.most_parts) {
+      operated = operated_on(plan, report);
+    }
+    const auto between =
+        cut && part < options_.most_parts ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
+    if (!between) return take_over(std::move(operated), plan, frame, report);
+    backend_->set_field(between);
+    wake(mesh_.vertices, ChangeMask({true, {}}, 0.0));  // between two moments a field may be anything
+    const EventPlan first = plan_events(between, report);
+    take_over(operated_on(first, report), first, frame, report);
+    const ThinMotion thin = thin_motion(*between);
+    backend_->project(mesh_.vertices.position, options_.project, {});
+    thin.apply(mesh_, *between, 0.0);
+    grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
+    relax(report);
+    backend_->set_field(frame.field);
+  }
+}
+
+EventPlan Tracker::plan_events(const std::shared_ptr<const Field>& field, FrameReport& report) {
+  Step step(report, "surgery");
+  return plan_critical_events(mesh_, critical_, field, *backend_, event_options(options_.edge_length));
+}
+
+/// What the plan's events make of the mesh and the critical points.
+Tracker::Operated Tracker::operated_on(const EventPlan& plan, FrameReport& report) {
+  Step step(report, "surgery");
+  const auto begin = std::chrono::steady_clock::now();
+  Operated operated{mesh_, critical_, {}, 0.0};
+  operated.report =
+      operate_on_critical_events(operated.mesh, operated.critical, plan, event_options(options_.edge_length));
+  operated.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  return operated;
+}
+
+/// With the ledger of what was done.
+void Tracker::take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report) {
+  lies_on_ = critical_.field;
+  mesh_ = std::move(operated.mesh);
+  critical_ = std::move(operated.critical);
+  paths_ = plan.tracking.paths;
+  const EventReport& done = operated.report;
+  for (const CriticalEvent& event : done.events)
+    if (event.done) {
+      ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, operated.ms});
+      report.reextracted[0] += share_of_area(event.area);
+    }
+}
+
+/// Of necks and tunnels whose waists projection would leave: wider than those that are held.
+ThinMotion Tracker::thin_motion(const Field& field) const {
+  constexpr double kThin = 1.2;  // of e
+  ThinOptions options = thin_options();
+  options.thin = kThin;
+  return ThinMotion(mesh_, paths_, lies_on_ ? *lies_on_ : field, field, options);
+}
+
+}  // namespace isoskin
