@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include "core/field/skeleton_field.h"
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/topology/droplets.h"
+#include "core/topology/thin_motion.h"
 #include "tests/analytic_fields.h"
 #include "tests/test_meshes.h"
 
@@ -91,6 +93,44 @@ TEST(GrowSmallPieces, cuts_those_that_have_grown) {
     EXPECT_EQ(mesh.triangle_count(), rest + triangles);
     EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
     for (const Vec3& p : mesh.vertices.position) EXPECT_NEAR(glm::distance(p, Vec3(0.5f, 0.0f, 0.0f)), 1.0f, 1e-3f);
+  }
+}
+
+/// Two balls joined by a thin neck along x.
+SkeletonField neck_at(double y) {
+  std::vector<SkeletonElement> balls(2);
+  for (int i = 0; i < 2; ++i) {
+    balls[i].a = balls[i].b = {i == 0 ? -0.699 : 0.699, y, 0.0};
+    balls[i].radius = 1.0;
+  }
+  return SkeletonField(balls, 0.265302);
+}
+
+TEST(ThinMotion, keeps_a_ring_about_a_waist_that_moves_aside_by_more_than_its_radius) {
+  const SkeletonField before = neck_at(0.0), after = neck_at(0.1);
+  CriticalOptions critical;
+  critical.edge_length = 0.15;
+  CriticalPath path;
+  path.first = refine_critical_point(before, {0, 0, 0}, critical).value();
+  path.last = refine_critical_point(after, {0, 0.1, 0}, critical).value();
+  const double waist = std::sqrt(2.0 * path.first.value / std::abs(path.first.hessian.values[0]));
+  ASSERT_GT(path.first.value, 0.0);
+  ASSERT_LT(waist, 0.05);
+  TriangleMesh mesh;
+  mesh.vertices.resize(6);
+  const auto way = [](Index v) { return DVec3(0.0, std::cos(v * M_PI / 3.0), std::sin(v * M_PI / 3.0)); };
+  ProjectOptions project;
+  for (Index v = 0; v < 6; ++v) mesh.vertices.position[v] = Vec3(project_point(before, waist * way(v), project).point);
+  ThinOptions options;
+  options.edge_length = critical.edge_length;
+  const ThinMotion motion(mesh, std::span(&path, 1), before, after, options);
+  for (Vec3& p : mesh.vertices.position) p = Vec3(project_point(after, DVec3(p), project).point);
+  motion.apply(mesh, after, 0.5);
+  for (Index v = 0; v < 6; ++v) {
+    const DVec3 p(mesh.position(v)), d = p - DVec3(0, 0.1, 0);
+    EXPECT_NEAR(after.value(p), 0.0, 1e-5);
+    EXPECT_GT(glm::dot(glm::normalize(d), way(v)), 0.99);
+    EXPECT_NEAR(mesh.vertices.velocity[v].y, 0.2, 0.01);
   }
 }
 
