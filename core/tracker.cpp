@@ -416,7 +416,19 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   inherited_.clear();
   for (const ReskinTry& how : options_.repairs) {
     if (!started_ || evidence.certificate.passed) break;
-    if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
+    const auto t0 = Clock::now();
+    const bool did = reskin(frame, evidence, how, report);
+    const auto t1 = Clock::now();
+    if (did) certify(frame, evidence, report);
+    auto sorted = inherited_;
+    std::swap(inherited_, sorted);
+    std::sort(inherited_.begin(), inherited_.end());
+    if (getenv("INST"))
+      fprintf(stderr, "TRY frame %d %zu did %d ms %.0f cert %.0f share %.4f now %s\n", frame.frame,
+              size_t(&how - &options_.repairs[0]), did, std::chrono::duration<double, std::milli>(t1 - t0).count(),
+              std::chrono::duration<double, std::milli>(Clock::now() - t1).count(), share_renewed(first_new),
+              evidence.certificate.summary().c_str());
+    std::swap(inherited_, sorted);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
@@ -451,19 +463,12 @@ CertifyOptions Tracker::certify_options() const {
 bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
-  BadSiteOptions bad_options = options_.sites;
-  bad_options.tolerance = options_.tolerance;
-  BadSites sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice),
-                                  *backend_, bad_options);
-  add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
-  add_necks(mesh_, failed_vertices(evidence.pieces, evidence.certificate), sites);
-  add_crumples(mesh_, sites);
+  const BadSites sites = sites_of(frame, evidence, how);
   if (sites.point.empty()) return false;
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
   reskin_options.replace_all = how.replace_all;
   reskin_options.suspects_only = how.suspects_only;
-  reskin_options.growths = std::min(reskin_options.growths, how.growths);
   reskin_options.radius *= how.widened;
   reskin_options.alter = unlocked_and_still(options_.alter);
   const std::size_t before = mesh_.vertex_count();
@@ -482,6 +487,23 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   ledger_.push_back({frame.frame, frame.time, "reskin", 2, box.center(), before - done.first_new_vertex,
                      std::chrono::duration<double, std::milli>(Clock::now() - begin).count()});
   return true;
+}
+
+BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const {
+  const std::vector<std::uint8_t> failed = failed_vertices(evidence.pieces, evidence.certificate);
+  BadSites sites;
+  if (how.tiles) {
+    add_tiles(mesh_, failed, *how.tiles, options_.edge_length, sites);
+    return sites;
+  }
+  BadSiteOptions bad_options = options_.sites;
+  bad_options.tolerance = options_.tolerance;
+  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_,
+                         bad_options);
+  add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
+  add_necks(mesh_, failed, sites);
+  add_crumples(mesh_, sites);
+  return sites;
 }
 
 /// What reskin() made and its surroundings become near-equilateral; the rest of the mesh is not touched.

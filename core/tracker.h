@@ -35,7 +35,8 @@ struct ReskinTry {
   bool suspects_only = false;  // see ReskinOptions
   bool replace_all = false;    // see ReskinOptions
   double widened = 1.0;        // the radius about a bad site, in those of ReskinOptions
-  int growths = 4;             // at most
+  // All of the pieces whose topology differs is asked, tile by tile, and nothing else.
+  std::optional<Tiles> tiles = std::nullopt;
 };
 
 struct TrackOptions {
@@ -58,16 +59,19 @@ struct TrackOptions {
   SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
   BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
   ReskinOptions reskin;    // local repair; edge_length and alter are filled in
-  // Small holes first, what goes well is kept; then where their seams failed; then about all that looks odd, farther
-  // and farther, where the topology differs; at last whatever looks odd is replaced.
-  std::vector<ReskinTry> repairs{{.suspects_only = true, .widened = 0.6, .growths = 0},
-                                 {.suspects_only = true, .growths = 0},
-                                 {.suspects_only = true, .widened = 0.6, .growths = 2},
-                                 {.suspects_only = true, .growths = 2},
+  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; at last
+  // farther and farther about whatever looks odd.
+  std::vector<ReskinTry> repairs{{.suspects_only = true, .widened = 0.3},
+                                 {.suspects_only = true, .widened = 0.6},
                                  {.widened = 0.6},
+                                 {.widened = 0.1, .tiles = Tiles{}},
+                                 {.widened = 0.1, .tiles = Tiles{.shift = 0.333}},
+                                 {.widened = 0.1, .tiles = Tiles{.shift = 0.667}},
                                  {},
                                  {.widened = 1.5},
                                  {.widened = 2.5},
+                                 {.widened = 0.1, .tiles = Tiles{.width = 32.0}},
+                                 {.widened = 0.1, .tiles = Tiles{.width = 32.0, .shift = 0.5}},
                                  {.replace_all = true},
                                  {.replace_all = true, .widened = 1.5},
                                  {.replace_all = true, .widened = 2.5}};
@@ -186,6 +190,7 @@ private:
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
   bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report);
+  BadSites sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const;
   double share_renewed(Index first_new) const;
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);

@@ -69,16 +69,18 @@ void try_damages(const std::shared_ptr<const Field>& field, double edge_length, 
   }
 }
 
-/// A good skin about a ball, and all that a repair of it reads.
+/// A good skin, by default about a ball, and all that a repair of it reads.
 struct GoodSkin {
-  std::shared_ptr<const Field> field = std::make_shared<analytic::SphereField>(DVec3(0.1, 0.2, 0.3), 1.0);
+  std::shared_ptr<const Field> field;
   std::unique_ptr<Backend> backend = make_reference_backend();
   TrackOptions options;
   TriangleMesh mesh;
   BrickLattice lattice;
   LatticeTopology topology;
 
-  GoodSkin() {
+  explicit GoodSkin(std::shared_ptr<const Field> of = std::make_shared<analytic::SphereField>(DVec3(0.1, 0.2, 0.3),
+                                                                                              1.0))
+      : field(std::move(of)) {
     options.edge_length = 0.1;
     options = resolved(options, *field);
     Tracker tracker(make_reference_backend(), options);
@@ -261,4 +263,48 @@ TEST(Reskin, LeavesOddPlacesAloneWhereNoSeamFails) {
       EXPECT_EQ(report.triangles_removed, skin.mesh.triangle_count());
     EXPECT_GT(report.triangles_removed, 3u);
   }
+}
+
+TEST(Reskin, FindsAHandleThatNoSiteTellsTileByTile) {
+  GoodSkin skin;
+  damage::Random random(5);
+  TriangleMesh mesh = damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length));
+  ASSERT_NE(mesh_pieces(mesh).euler, std::vector<int>{2});
+  std::size_t removed = 0;
+  for (const double shift : {0.0, 0.333, 0.667}) {
+    BadSites sites;
+    const std::vector<std::uint8_t> all(mesh.vertex_count(), 1);
+    add_tiles(mesh, all, Tiles{.shift = shift}, skin.options.edge_length, sites);
+    EXPECT_GT(sites.point.size(), mesh.vertex_count() / 10);
+    removed += skin.repair(mesh, sites).triangles_removed;
+    EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+  }
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+  EXPECT_GT(removed, 3u);
+  EXPECT_LT(removed, skin.mesh.triangle_count() / 2);
+}
+
+TEST(Reskin, OpensOtherSkinThatTheFillingRunsInto) {
+  // Half a ring, closed by discs at both ends; only one end is said to be bad.
+  const auto ring = std::make_shared<analytic::TorusField>(1.0, 0.3);
+  const auto half = std::make_shared<analytic::PlaneField>(DVec3(1, 0, 0), 0.0, ring->bounds());
+  const GoodSkin part(std::make_shared<analytic::PairField>(analytic::PairField::Kind::intersection, ring, half));
+  ASSERT_EQ(mesh_pieces(part.mesh).euler, std::vector<int>{2});
+  GoodSkin skin(ring);
+  TriangleMesh mesh = part.mesh;
+  BadSites sites;
+  for (const Vec3& p : mesh.vertices.position)
+    if (p.x > -0.01f && p.y > 0.0f) sites.add(p, true);
+  ASSERT_FALSE(sites.point.empty());
+  skin.repair(mesh, sites);
+  EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{0});
+  EXPECT_NEAR(mesh_pieces(mesh).volume.front(), mesh_pieces(skin.mesh).volume.front(),
+              0.05 * mesh_pieces(skin.mesh).volume.front());
+  const auto before = places(part.mesh), after = places(mesh);
+  for (const auto& [id, position] : before)
+    if (position.x < -0.3f) {
+      ASSERT_TRUE(after.count(id)) << id;
+      EXPECT_EQ(after.at(id), position);
+    }
 }

@@ -137,7 +137,6 @@ private:
     options.radius = options_.radius;
     options.replace_all = true;
     options.alike_only = alike_only;
-    options.growths = 1;          // what still fails is tried again with the places it has left
     options.collapse_passes = 0;  // as fine as the lattice: coarser triangles would cut short what they are here for
     options.carry = false;
     const ReskinReport done = reskin(skin, pieces, to_be_filled, sites, lattice_, topology_, backend_, options);

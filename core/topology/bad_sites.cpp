@@ -256,4 +256,15 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
   return sites;
 }
 
+void add_tiles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted, const Tiles& tiles,
+               double edge_length, BadSites& sites) {
+  const double least = tiles.border / tiles.width;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (!wanted[v]) continue;
+    const DVec3 within = glm::fract(DVec3(mesh.position(v)) / (tiles.width * edge_length) + tiles.shift);
+    if (glm::all(glm::greaterThan(within, DVec3(least))) && glm::all(glm::lessThan(within, DVec3(1.0 - least))))
+      sites.add(mesh.position(v), false, true);
+  }
+}
+
 }  // namespace isoskin

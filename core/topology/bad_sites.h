@@ -38,4 +38,16 @@ struct BadSites {
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                         const std::vector<std::int8_t>& winding, Backend& backend, const BadSiteOptions& options);
 
+/// Cubes side by side that holes are cut to, so that each tells whether the topology differs there: for handles that no
+/// corner of the lattice and no distance gives away.
+struct Tiles {
+  double width = 16.0;  // of a cube, in units of e
+  double border = 1.8;  // left to either side of a cube's faces, where the seams run; in units of e
+  double shift = 0.0;   // of the cubes along the space diagonal, in widths
+};
+
+/// Adds the vertices with wanted != 0 that are in a tile, as odd sites.
+void add_tiles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted, const Tiles& tiles,
+               double edge_length, BadSites& sites);
+
 }  // namespace isoskin

@@ -5,7 +5,6 @@
 #include <unordered_map>
 
 #include "core/mesh/one_ring.h"
-#include "core/topology/point_grid.h"
 
 namespace isoskin {
 namespace {
@@ -121,32 +120,25 @@ void find_seams(const TriangleMesh& mesh, Holes& holes) {
 }
 
 /// Marks seams that cannot be snapped.
-std::vector<Index> snap(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filling& filling, double spacing,
-                        Backend& backend) {
-  constexpr float kReach = 2.0f, kAgree = 0.3f;  // in lattice spacings; cosine between normals
-  std::vector<Vec3> points;
-  for (const Seam& seam : seams)
-    for (const Index h : seam.halfedge) points.push_back(mesh.position(mesh.from(h)));
-  const std::vector<Vec3> normals = field_normals(points, backend);
-  const PointGrid grid(filling.surface.position, kReach * float(spacing));
+std::vector<Index> snap(const TriangleMesh& mesh, const std::vector<Vec3>& normals, std::vector<Seam>& seams,
+                        const Filling& filling, const PointGrid& near) {
+  constexpr float kAgree = 0.3f;  // cosine between normals
   std::vector<Index> snapped(mesh.vertex_count(), kNone);
   std::vector<std::uint8_t> taken(filling.surface.position.size(), 0);
-  std::size_t next = 0;
   for (Seam& seam : seams) {
-    const std::size_t begin = next;
-    next += seam.halfedge.size();
-    for (std::size_t i = begin; i < next; ++i) {
+    for (const Index h : seam.halfedge) {
+      const Index v = mesh.from(h);
       std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
-      grid.near(points[i], [&](Index candidate, float square) {
-        if (glm::dot(normals[i], filling.normal[candidate]) > kAgree && !taken[candidate])
+      near.near(mesh.position(v), [&](Index candidate, float square) {
+        if (glm::dot(normals[v], filling.normal[candidate]) > kAgree && !taken[candidate])
           best = std::min(best, {square, candidate});
       });
       if (best.second == kNone) {
-        seam.failed_at.push_back(seam.halfedge[i - begin]);
+        seam.failed_at.push_back(h);
         continue;
       }
       taken[best.second] = 1;
-      snapped[mesh.from(seam.halfedge[i - begin])] = best.second;
+      snapped[v] = best.second;
     }
     seam.failed = !seam.failed_at.empty();
   }
@@ -172,12 +164,12 @@ void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filli
   }
 }
 
-/// The directed edges of all paths, with their seams.
+/// The directed edges of all complete paths, with their seams.
 class Barriers {
 public:
   Barriers(const std::vector<Seam>& seams, std::size_t vertices) : on_path_(vertices, 0) {
     for (Index s = 0; s < seams.size(); ++s)
-      if (!seams[s].failed)
+      if (seams[s].failed_at.empty())
         for (const auto& path : seams[s].path)
           for (std::size_t i = 0; i + 1 < path.size(); ++i) {
             seam_[directed(path[i], path[i + 1])] = s;
@@ -199,6 +191,40 @@ private:
   std::vector<std::uint8_t> on_path_;
 };
 
+/// What skin lies on the filling.
+class Covering {
+public:
+  Covering(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const PointGrid& vertices, const Holes& holes,
+           const Filling& filling)
+      : normals_(normals),
+        vertices_(vertices),
+        filling_(filling),
+        on_(filling.surface.position.size(), kUnread),
+        stays_(mesh.vertex_count(), 1) {
+    for (Index h = 0; h < mesh.vertex.size(); ++h) stays_[mesh.vertex[h]] &= holes.of_triangle[h / 3] == kNone;
+  }
+
+  /// The vertex of the mesh nearest to one of the filling; kNone where there is none, or it goes or is on a seam.
+  Index on(Index f) {
+    constexpr float kAgree = 0.5f;  // cosine between normals
+    if (on_[f] != kUnread) return on_[f];
+    std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
+    vertices_.near(filling_.surface.position[f], [&](Index v, float square) {
+      if (glm::dot(normals_[v], filling_.normal[f]) > kAgree) best = std::min(best, {square, v});
+    });
+    return on_[f] = best.second != kNone && stays_[best.second] ? best.second : kNone;
+  }
+
+private:
+  static constexpr Index kUnread = kNone - 1;
+
+  const std::vector<Vec3>& normals_;
+  const PointGrid& vertices_;
+  const Filling& filling_;
+  std::vector<Index> on_;            // per vertex of the filling
+  std::vector<std::uint8_t> stays_;  // per vertex of the mesh: all triangles about it do
+};
+
 }  // namespace
 
 Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
@@ -208,9 +234,14 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) 
   return holes;
 }
 
-std::vector<Index> lay_seams(const TriangleMesh& mesh, Holes& holes, const Filling& filling, double spacing,
-                             Backend& backend) {
-  std::vector<Index> snapped = snap(mesh, holes.seams, filling, spacing, backend);
+float seam_reach(double spacing) {
+  constexpr float kReach = 2.0f;  // in lattice spacings
+  return kReach * float(spacing);
+}
+
+std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
+                             const Filling& filling, const PointGrid& near, double spacing) {
+  std::vector<Index> snapped = snap(mesh, normals, holes.seams, filling, near);
   trace_paths(mesh, holes.seams, filling, snapped, spacing);
   return snapped;
 }
@@ -221,15 +252,15 @@ Patches find_patches(Holes& holes, const Filling& filling) {
   Patches patches;
   patches.of_triangle.assign(filling.triangle_count(), kNone);
   EulerCount count(filling.surface.position.size());
+  // A patch that leaks is not followed any further: it may be all of the skin. Nearest triangles come first.
   const auto flood = [&](Index start) {
     const Index patch = patches.count();
     bool leaky = false;
     count.start(patch);
-    std::vector<Index> stack(1, start);
+    std::vector<Index> queue(1, start);
     patches.of_triangle[start] = patch;
-    while (!stack.empty()) {
-      const Index t = stack.back();
-      stack.pop_back();
+    for (std::size_t i = 0; i < queue.size() && !leaky; ++i) {
+      const Index t = queue[i];
       count.face();
       for (Index h = 3 * t; h < 3 * t + 3; ++h) {
         const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
@@ -242,7 +273,9 @@ Patches find_patches(Holes& holes, const Filling& filling) {
           leaky = true;
         } else if (patches.of_triangle[next] == kNone) {
           patches.of_triangle[next] = patch;
-          stack.push_back(next);
+          queue.push_back(next);
+        } else {
+          leaky |= patches.of_triangle[next] != patch;  // only what leaks has been left halfway
         }
       }
     }
@@ -268,6 +301,40 @@ Patches find_patches(Holes& holes, const Filling& filling) {
     if (patches.leaks[p])
       for (const Index s : patches.seams[p]) holes.seams[s].failed = true;
   return patches;
+}
+
+Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const PointGrid& vertices,
+                   const Holes& holes, const Filling& filling) {
+  const auto& triangle = filling.surface.triangle;
+  const Barriers barriers(holes.seams, filling.surface.position.size());
+  Covering skin(mesh, normals, vertices, holes, filling);
+  std::vector<std::uint8_t> seen(filling.triangle_count(), 0);
+  std::vector<Index> queue;
+  const auto reach = [&](Index t) {
+    if (t == kNone || seen[t]) return;
+    seen[t] = 1;
+    queue.push_back(t);
+  };
+  for (const Seam& seam : holes.seams)
+    for (std::size_t k = 0; k < seam.path.size() && seam.failed; ++k)
+      for (std::size_t i = 0; i + 1 < seam.path[k].size(); ++i)
+        reach(filling.triangle(seam.path[k][i], seam.path[k][i + 1]));
+  Leaks leaks;
+  for (std::size_t i = 0; i < queue.size(); ++i)
+    for (Index h = 3 * queue[i]; h < 3 * queue[i] + 3; ++h) {
+      const Index a = triangle[h], b = triangle[TriangleMesh::next(h)], next = filling.triangle(b, a);
+      if (next == kNone) leaks.ends.push_back(filling.surface.position[a]);
+      if (next == kNone || seen[next] || barriers.seam(a, b) != kNone || barriers.seam(b, a) != kNone) continue;
+      Index met = kNone;
+      for (Index k = 3 * next; k < 3 * next + 3 && met == kNone; ++k) met = skin.on(triangle[k]);
+      if (met == kNone) {
+        reach(next);
+      } else {
+        seen[next] = 1;
+        leaks.skin.push_back(met);
+      }
+    }
+  return leaks;
 }
 
 }  // namespace isoskin

@@ -5,6 +5,7 @@
 
 #include "core/mesh/triangle_mesh.h"
 #include "core/topology/filling.h"
+#include "core/topology/point_grid.h"
 
 namespace isoskin {
 
@@ -30,15 +31,19 @@ struct Holes {
 /// Holes are numbered by their first triangle, seams by their first halfedge.
 Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot);
 
-/// Snaps seam vertices to the nearest vertex of the filling on the same side, each to one of its own, and joins
-/// neighbours by shortest paths that share no vertex. Seams for which it cannot be done fail. Returns, per vertex of
-/// the mesh, the filling's vertex, kNone away from seams. `spacing`: of the lattice.
-std::vector<Index> lay_seams(const TriangleMesh& mesh, Holes& holes, const Filling& filling, double spacing,
-                             Backend& backend);
+/// Snaps seam vertices to the nearest vertex of the filling on the same side (`normals`: of the field at the mesh's
+/// vertices), each to one of its own, and joins neighbours by shortest paths that share no vertex. Seams for which it
+/// cannot be done fail. Returns, per vertex of the mesh, the filling's vertex, kNone away from seams. `near`: the
+/// filling's vertices, within seam_reach().
+std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
+                             const Filling& filling, const PointGrid& near, double spacing);
+/// How far a vertex may be snapped. `spacing`: of the lattice.
+float seam_reach(double spacing);
 
 /// Connected parts of the filling on the holes' sides of the seams' paths.
 struct Patches {
-  std::vector<Index> of_triangle;         // per triangle of the filling: its patch, kNone where it has none
+  std::vector<Index> of_triangle;         // per triangle of the filling: its patch, kNone where it has none; of patches
+                                          // that leak some have none
   std::vector<int> euler;                 // per patch, with its border
   std::vector<std::vector<Index>> seams;  // per patch: the seams it closes, ascending; they fail when it leaks
   std::vector<std::uint8_t> leaks;        // per patch: it runs out at the filling's border or behind a seam
@@ -47,5 +52,17 @@ struct Patches {
 };
 
 Patches find_patches(Holes& holes, const Filling& filling);
+
+/// Where patches that leak run to.
+struct Leaks {
+  std::vector<Index> skin;  // vertices of the mesh, away from holes, whose surface is reached
+  std::vector<Vec3> ends;   // places where the filling ends too early
+};
+
+/// Follows the patches of failed seams, whose paths must be complete, as far as no skin lies on them that stays. Where
+/// there is some, another sheet hangs together with the hole's and has to be opened too. `vertices`: the mesh's, within
+/// an edge's length; `normals` as for lay_seams().
+Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const PointGrid& vertices,
+                   const Holes& holes, const Filling& filling);
 
 }  // namespace isoskin

@@ -30,12 +30,12 @@ struct Scene {
   const LatticeTopology& topology;
   Backend& backend;
   const ReskinOptions& options;
+  const std::vector<Vec3> normals;         // per vertex, of the field
   const std::vector<std::uint8_t> folded;  // per vertex
 };
 
 /// One byte a vertex: 1 where a triangle about it faces away from where the field's surface does.
-std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, Backend& backend) {
-  const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
+std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, const std::vector<Vec3>& normals) {
   const VertexCorners corners = vertex_corners(mesh);
   std::vector<std::uint8_t> folded(mesh.vertex_count());
   for_each_index(folded.size(), [&](std::size_t v) {
@@ -83,17 +83,52 @@ void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
   }
 }
 
-/// The lattice's surface as far as `reach` about the points.
-Filling filling_about(const Scene& scene, const std::vector<Vec3>& points, float reach) {
-  const float half_brick = 0.5f * BrickLattice::kCells * float(scene.lattice.spacing);
-  const PointGrid coarse(points, reach + std::sqrt(3.0f) * half_brick);
-  std::vector<std::uint8_t> wanted(scene.lattice.brick_count());
-  for_each_index(wanted.size(), [&](std::size_t b) {
-    const DVec3 corner = scene.lattice.point(BrickLattice::kCells * scene.lattice.coordinate[b]);
-    wanted[b] = coarse.any_near(Vec3(corner) + half_brick);
-  });
-  return make_filling(marching_cubes_open(scene.lattice, scene.topology, wanted), scene.backend);
-}
+/// The lattice's surface as far as `reach` about the points, to be extended where they become more.
+class FillingAbout {
+public:
+  FillingAbout(const Scene& scene, const std::vector<Vec3>& points, float reach)
+      : scene_(scene), wanted_(bricks_about(points, reach)) {
+    fill();
+  }
+
+  /// Extends it when it does not reach `least` about the points.
+  void extend(const std::vector<Vec3>& points, float least, float reach) {
+    const std::vector<std::uint8_t> needed = bricks_about(points, least);
+    bool covered = true;
+    for (std::size_t b = 0; b < needed.size() && covered; ++b) covered = needed[b] <= wanted_[b];
+    if (covered) return;
+    const std::vector<std::uint8_t> more = bricks_about(points, reach);
+    for (std::size_t b = 0; b < more.size(); ++b) wanted_[b] |= more[b];
+    fill();
+  }
+
+  const Filling& operator*() const { return filling_; }
+  const PointGrid& near() const { return *near_; }
+
+private:
+  std::vector<std::uint8_t> bricks_about(const std::vector<Vec3>& points, float reach) const {
+    const float half_brick = 0.5f * BrickLattice::kCells * float(scene_.lattice.spacing);
+    const PointGrid coarse(points, reach + std::sqrt(3.0f) * half_brick);
+    std::vector<std::uint8_t> bricks(scene_.lattice.brick_count());
+    for_each_index(bricks.size(), [&](std::size_t b) {
+      const DVec3 corner = scene_.lattice.point(BrickLattice::kCells * scene_.lattice.coordinate[b]);
+      bricks[b] = coarse.any_near(Vec3(corner) + half_brick);
+    });
+    return bricks;
+  }
+
+  void fill() {
+    const Span span("filling");
+    near_.reset();
+    filling_ = make_filling(marching_cubes_open(scene_.lattice, scene_.topology, wanted_), scene_.backend);
+    near_.emplace(filling_.surface.position, seam_reach(scene_.lattice.spacing));
+  }
+
+  const Scene& scene_;
+  std::vector<std::uint8_t> wanted_;  // per brick
+  Filling filling_;
+  std::optional<PointGrid> near_;  // of its vertices
+};
 
 /// Closed pieces of the filling that failed and that no seam has reached: those without a mesh, and those whose mesh
 /// was emptied.
@@ -177,39 +212,113 @@ private:
   std::vector<std::uint8_t> failed_, sure_;
 };
 
-/// One try with the given bad points.
-struct Attempt {
-  std::vector<Vec3> grow_at;  // border points of seams that failed
-  std::optional<Weld> weld;   // nothing where seams failed, or nothing had to be replaced
-  ReskinReport report;
+/// Holes, and the filling's patches that close them.
+struct Cut {
+  Holes holes;
+  std::vector<Index> snapped;
+  Patches patches;
 };
 
-void grow(const Scene& scene, const Seam& seam, Attempt& result) {
-  std::vector<Index> at = seam.failed_at;
-  if (at.empty()) at = seam.halfedge;
-  for (const Index h : at) result.grow_at.push_back(scene.mesh.position(scene.mesh.from(h)));
+/// Moves the points nearer than `radius` to one of `places` from one list to the other.
+void take_near(const std::vector<Vec3>& places, float radius, std::vector<Vec3>& from, std::vector<Vec3>& to) {
+  const PointGrid near(places, radius);
+  std::erase_if(from, [&](const Vec3& p) {
+    const bool taken = near.any_near(p);
+    if (taken) to.push_back(p);
+    return taken;
+  });
 }
 
-/// `last`: holes whose seams fail are left as they were.
-Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vector<Vec3>& sure, bool last) {
-  const float radius = float(scene.options.radius * scene.options.edge_length);
-  const PointGrid near_bad(bad, radius), near_sure(sure, radius);
-  Holes holes = traced("cut holes", [&] {
-    std::vector<std::uint8_t> hot = hot_vertices(scene, near_bad);
-    reach_over_folds(scene, hot);
-    return cut_holes(scene.mesh, hot);
+/// What is emptied: the vertices of failed pieces about bad points, and where holes had to grow.
+class Emptied {
+public:
+  Emptied(const Scene& scene, std::vector<Vec3> bad, std::vector<Vec3> left_alone)
+      : scene_(scene),
+        radius_(float(scene.options.radius * scene.options.edge_length)),
+        bad_(std::move(bad)),
+        left_alone_(std::move(left_alone)),
+        hot_(scene.mesh.vertex_count()) {
+    heat(bad_);
+    reach_over_folds(scene_, hot_);
+  }
+
+  /// At these vertices, and about the odd sites near them that were left alone.
+  void grow(const std::vector<Index>& vertices) {
+    std::vector<Vec3> places;
+    for (const Index v : vertices) {
+      hot_[v] = 1;
+      places.push_back(scene_.mesh.position(v));
+    }
+    std::vector<Vec3> odd;
+    take_near(places, float(scene_.options.spread * scene_.options.edge_length), left_alone_, odd);
+    heat(odd);
+    reach_over_folds(scene_, hot_);
+    bad_.insert(bad_.end(), places.begin(), places.end());
+    bad_.insert(bad_.end(), odd.begin(), odd.end());
+  }
+
+  const std::vector<std::uint8_t>& hot() const { return hot_; }
+  PointGrid near_bad() const { return {bad_, radius_}; }
+  /// Bad points and hot vertices.
+  std::vector<Vec3> points() const {
+    std::vector<Vec3> points = bad_;
+    for (Index v = 0; v < hot_.size(); ++v)
+      if (hot_[v]) points.push_back(scene_.mesh.position(v));
+    return points;
+  }
+
+private:
+  void heat(const std::vector<Vec3>& points) {
+    const std::vector<std::uint8_t> more = hot_vertices(scene_, PointGrid(points, radius_));
+    for (std::size_t v = 0; v < hot_.size(); ++v) hot_[v] |= more[v];
+  }
+
+  const Scene& scene_;
+  const float radius_;
+  std::vector<Vec3> bad_, left_alone_;
+  std::vector<std::uint8_t> hot_;
+};
+
+/// Patches are found once all seams are laid, or when it is the `last` try.
+Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const FillingAbout& filling, bool last) {
+  Cut result;
+  result.holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot); });
+  result.snapped = traced("seams", [&] {
+    return lay_seams(scene.mesh, scene.normals, result.holes, *filling, filling.near(), scene.lattice.spacing);
   });
-  const float reach = radius + float(scene.options.margin * scene.options.edge_length);
-  const Filling filling = traced("filling", [&] { return filling_about(scene, bad, reach); });
-  const std::vector<Index> snapped =
-      traced("seams", [&] { return lay_seams(scene.mesh, holes, filling, scene.lattice.spacing, scene.backend); });
-  const Patches patches = traced("patches", [&] { return find_patches(holes, filling); });
+  const auto& seams = result.holes.seams;
+  if (last || std::none_of(seams.begin(), seams.end(), [](const Seam& seam) { return seam.failed; }))
+    result.patches = traced("patches", [&] { return find_patches(result.holes, *filling); });
+  return result;
+}
 
-  Attempt result;
-  for (const Seam& seam : holes.seams)
-    if (seam.failed) grow(scene, seam, result);
-  if (!result.grow_at.empty() && !last) return result;
+/// Where holes have to be wider for their seams to fit: at edges that cannot be joined on the filling; where all can,
+/// at skin that patches run into, else at the seams that leak. `ends`: where the filling has to reach farther.
+struct Misfit {
+  std::vector<Index> vertices;
+  std::vector<Vec3> ends;
+};
 
+Misfit misfit(const Scene& scene, const Cut& cut, const Filling& filling, const PointGrid& skin) {
+  const TriangleMesh& mesh = scene.mesh;
+  std::vector<Index> misjoined, leaking;
+  for (const Seam& seam : cut.holes.seams) {
+    for (const Index h : seam.failed_at) misjoined.insert(misjoined.end(), {mesh.from(h), mesh.to(h)});
+    if (seam.failed)
+      for (const Index h : seam.halfedge) leaking.push_back(mesh.from(h));
+  }
+  if (!misjoined.empty()) return {misjoined, {}};
+  if (leaking.empty()) return {};
+  Leaks leaks = follow_leaks(mesh, scene.normals, skin, cut.holes, filling);
+  if (leaks.skin.empty() && leaks.ends.empty()) return {leaking, {}};
+  return {std::move(leaks.skin), std::move(leaks.ends)};
+}
+
+/// What holes that fit become: nothing where their seams failed, or nothing had to be replaced.
+std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, const PointGrid& near_bad,
+                         const PointGrid& near_sure, ReskinReport& report) {
+  report = {};
+  auto& [holes, snapped, patches] = cut;
   Groups groups(holes, patches, scene.options.alike_only);
   const std::vector<std::uint8_t> surely_hot = hot_vertices(scene, near_sure);
   for (Index t = 0; t < holes.of_triangle.size(); ++t)
@@ -227,28 +336,39 @@ Attempt attempt(const Scene& scene, const std::vector<Vec3>& bad, const std::vec
   for (Index t = 0; t < removed.size(); ++t)
     removed[t] = holes.of_triangle[t] != kNone && groups.replaced(holes.of_triangle[t]);
   for (Index h = 0; h < holes.count(); ++h) {
-    result.report.holes_given_up += groups.failed(h);
-    result.report.holes_alike += !groups.failed(h) && !groups.replaced(h);
+    report.holes_given_up += groups.failed(h);
+    report.holes_alike += !groups.failed(h) && !groups.replaced(h);
   }
   std::erase_if(holes.seams, [&](const Seam& seam) { return !groups.replaced(seam.hole); });
 
-  result.report.seams = holes.seams.size();
-  result.report.triangles_removed = std::size_t(std::count(removed.begin(), removed.end(), 1));
-  if (result.report.triangles_removed + std::size_t(std::count(inside.begin(), inside.end(), 1)) == 0) return result;
-  result.weld = traced("weld", [&] { return weld(scene.mesh, removed, holes.seams, filling, inside, snapped); });
-  if (!result.weld)
-    for (const Seam& seam : holes.seams) grow(scene, seam, result);
-  return result;
+  report.seams = holes.seams.size();
+  report.triangles_removed = std::size_t(std::count(removed.begin(), removed.end(), 1));
+  if (report.triangles_removed + std::size_t(std::count(inside.begin(), inside.end(), 1)) == 0) return std::nullopt;
+  return traced("weld", [&] { return weld(scene.mesh, removed, holes.seams, filling, inside, snapped); });
 }
 
-/// Moves the points nearer than `radius` to one of `places` from one list to the other.
-void take_near(const std::vector<Vec3>& places, float radius, std::vector<Vec3>& from, std::vector<Vec3>& to) {
-  const PointGrid near(places, radius);
-  std::erase_if(from, [&](const Vec3& p) {
-    const bool taken = near.any_near(p);
-    if (taken) to.push_back(p);
-    return taken;
-  });
+/// Holes grow until all seams fit, or no more: then those that fit are filled.
+std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGrid& near_sure, ReskinReport& report) {
+  const ReskinOptions& options = scene.options;
+  const float e = float(options.edge_length);
+  FillingAbout filling(scene, emptied.points(), float(options.margin) * e);
+  const PointGrid skin(scene.mesh.vertices.position, float(options.spread) * e);
+  for (int growth = 0; growth <= options.growths; ++growth) {
+    const bool last = growth == options.growths;
+    Cut tried = cut(scene, emptied.hot(), filling, last);
+    Misfit where = misfit(scene, tried, *filling, skin);
+    if (last || (where.vertices.empty() && where.ends.empty())) {
+      if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, report)) return welded;
+      if (report.seams == 0) break;
+      for (const Seam& seam : tried.holes.seams)
+        for (const Index h : seam.halfedge) where.vertices.push_back(scene.mesh.from(h));
+    }
+    emptied.grow(where.vertices);
+    std::vector<Vec3> about = emptied.points();
+    about.insert(about.end(), where.ends.begin(), where.ends.end());
+    filling.extend(about, float(options.least_margin) * e, float(options.margin) * e);
+  }
+  return std::nullopt;
 }
 
 /// The lattice has several times as many triangles as wanted.
@@ -269,25 +389,24 @@ std::size_t count_new(const TriangleMesh& mesh, Index first_new) {
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options) {
-  const Scene scene{mesh, pieces, certificate, lattice, topology, backend, options, folded_vertices(mesh, backend)};
+  const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
+  const Scene scene{
+      mesh, pieces, certificate, lattice, topology, backend, options, normals, folded_vertices(mesh, normals)};
   std::vector<Vec3> bad, sure, left_alone;
   for (std::size_t i = 0; i < sites.point.size(); ++i) {
     (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);
     if (options.replace_all || sites.sure[i]) sure.push_back(sites.point[i]);
   }
-  Attempt tried;
-  for (int growth = 0; growth <= options.growths && !bad.empty(); ++growth) {
-    tried = attempt(scene, bad, sure, growth == options.growths);
-    if (tried.weld || tried.grow_at.empty()) break;
-    bad.insert(bad.end(), tried.grow_at.begin(), tried.grow_at.end());
-    take_near(tried.grow_at, float(options.spread * options.edge_length), left_alone, bad);
+  ReskinReport report;
+  std::optional<Weld> welded;
+  if (!bad.empty()) {
+    Emptied emptied(scene, std::move(bad), std::move(left_alone));
+    welded = replace(scene, emptied, PointGrid(sure, float(options.radius * options.edge_length)), report);
   }
-  if (!tried.weld)
-    return {.holes_given_up = tried.report.holes_given_up, .first_new_vertex = Index(mesh.vertex_count())};
-  ReskinReport report = tried.report;
-  report.first_new_vertex = tried.weld->first_new_vertex;
+  if (!welded) return {.holes_given_up = report.holes_given_up, .first_new_vertex = Index(mesh.vertex_count())};
+  report.first_new_vertex = welded->first_new_vertex;
   const TriangleMesh old = std::move(mesh);
-  mesh = std::move(tried.weld->mesh);
+  mesh = std::move(welded->mesh);
   report.triangles_added += count_new(mesh, report.first_new_vertex);
   traced("coarsen", [&] { coarsen(mesh, report.first_new_vertex, options); });
   if (options.carry) traced("carry", [&] { carry_attributes(mesh, report.first_new_vertex, old, backend); });

@@ -16,8 +16,9 @@ namespace isoskin {
 struct ReskinOptions {
   double edge_length = 1.0;    // e, world units
   double radius = 1.0;         // triangles with a vertex nearer than this to a bad site are replaced, in units of e
-  double margin = 2.5;         // how far beyond the emptied region the lattice's surface is built, in units of e
-  int growths = 4;             // times a hole whose seam fails is grown before it is given up
+  double margin = 2.0;         // how far beyond the emptied region the lattice's surface is built, in units of e
+  double least_margin = 1.0;   // the same, of holes that have grown before more is built
+  int growths = 8;             // times a hole whose seam fails is grown before it is given up
   bool suspects_only = false;  // odd sites are left alone until a seam nearer than `spread` fails
   double spread = 1.0;         // units of e
   bool alike_only = false;     // only holes whose filling has the topology of what it fills: that of the mesh stays
