@@ -272,7 +272,8 @@ TEST_F(Program, folder_in_use) {
 }
 
 TEST_F(Program, tracks_and_reports) {
-  const Ran ran = run_program(test::track_small(folder_ / "balls.toml", out_, {"--frames", "2:4", "--json"}));
+  const Ran ran = run_program(
+      test::track_small(folder_ / "balls.toml", out_, {"--frames", "2:4", "--json", "--self-intersections"}));
   ASSERT_EQ(ran.status, 0) << ran.err;
   EXPECT_EQ(ran.out, test::read_text(out_ / "report.jsonl"));
   std::istringstream text(ran.out);
