@@ -208,7 +208,7 @@ public:
         least_cosine_(std::cos(glm::radians(options.max_flip_turn))) {
     valence_.assign(mesh.vertex_count(), 0);
     for_each_index(mesh.vertex.size(), [&](std::size_t h) {
-      if (mesh.vertex[h] != kNone)
+      if (mesh.vertex[h] != kNone && !this->locked(mesh.vertex[h]))  // a quad with a locked vertex stays
         std::atomic_ref<Index>(valence_[mesh.vertex[h]]).fetch_add(1, std::memory_order_relaxed);
     });
   }

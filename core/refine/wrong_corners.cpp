@@ -25,13 +25,21 @@ public:
     marked_.assign(std::size_t(high_.x - low_.x + 1) * std::size_t(high_.y - low_.y + 1), 0);
   }
 
-  void mark(const IVec3& brick) { marked_[index(brick.x, brick.y)] = 1; }
+  void mark(const IVec3& brick) {
+    marked_[index(brick.x, brick.y)] = 1;
+    reach_.add(lattice_.box(brick).grown(lattice_.spacing));
+  }
   /// All columns that this reaches.
   void mark(const Box& box) {
     for_each_column(box, [&](std::size_t at) { marked_[at] = 1; });
+    // To the far sides of those columns.
+    reach_.add(box.grown((BrickLattice::kCells + 2) * lattice_.spacing));
   }
   bool marked(const IVec3& brick) const { return within(brick) && marked_[index(brick.x, brick.y)]; }
   bool reaches(const Box& box) const {
+    if (box.high.x < reach_.low.x || box.low.x > reach_.high.x || box.high.y < reach_.low.y ||
+        box.low.y > reach_.high.y)
+      return false;
     bool any = false;
     for_each_column(box, [&](std::size_t at) { any = any || marked_[at]; });
     return any;
@@ -64,6 +72,7 @@ private:
   const BrickLattice& lattice_;
   IVec3 low_{0}, high_{0};
   std::vector<std::uint8_t> marked_;
+  Box reach_;  // in x and y at least what the marked columns hold
 };
 
 Box box_of(const TriangleMesh& mesh, Index triangle) {
