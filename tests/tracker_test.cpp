@@ -374,6 +374,7 @@ TEST(Tracker, SelfIntersectionsAreCountedInBothMeshes) {
     if (!tracker) {
       TrackOptions options;
       options.edge_length = 0.2;  // too long for so many small balls: skins that belong apart overlap
+      options.self_intersections = true;
       tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved(options, *moment.field));
     }
     const FrameReport report = tracker->advance(moment);

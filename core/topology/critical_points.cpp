@@ -257,7 +257,8 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
   if (about.empty()) return {};
   std::vector<std::uint8_t> least(mesh.vertex_count());
   for_each_index(least.size(), [&](std::size_t v) { least[v] = about.contains(DVec3(mesh.position(Index(v)))); });
-  const std::vector<Index> leaving = indices_where(mesh.vertex.size(), [&](Index h) { return least[mesh.from(h)] != 0; });
+  const std::vector<Index> leaving =
+      indices_where(mesh.vertex.size(), [&](Index h) { return least[mesh.from(h)] != 0; });
   std::vector<Index> asked(mesh.vertex_count(), kNone);  // its number among the points
   std::vector<Vec3> points;
   for (const Index h : leaving)

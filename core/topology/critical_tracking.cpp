@@ -95,10 +95,9 @@ CriticalPath stay(const CriticalPoint& point) {
 std::vector<CriticalPath> follow_all(const std::vector<CriticalPoint>& points, const Continuation& continuation,
                                      const ChangeMask& changed, bool forward) {
   std::vector<CriticalPath> paths(points.size());
-  tbb::parallel_for(std::size_t(0), points.size(),
-                    [&](std::size_t i) {
-    paths[i] = forward && !changed.contains(points[i].position) ? stay(points[i])
-                                                                : continuation.follow(points[i], forward);
+  tbb::parallel_for(std::size_t(0), points.size(), [&](std::size_t i) {
+    paths[i] =
+        forward && !changed.contains(points[i].position) ? stay(points[i]) : continuation.follow(points[i], forward);
   });
   return paths;
 }
