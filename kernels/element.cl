@@ -1,6 +1,6 @@
 // Elements of the elastic skin: forces, frozen frames and the stiffness product, port of core/mechanics/element.h. A
-// triangle writes to its three corners' slots; cg.cl gathers them by vertex. No atomics. A work item takes one triangle,
-// for frames VW of them: what they take is arithmetic, the products are loads and stores.
+// triangle writes to its three corners' slots; cg.cl gathers them by vertex. No atomics. A work item takes one
+// triangle, for frames VW of them: what they take is arithmetic, the products are loads and stores.
 #pragma OPENCL FP_CONTRACT OFF
 #define INLINE static inline __attribute__((always_inline))
 

@@ -215,9 +215,11 @@ void add_local_row(Page& page, int count, int moving) {
 void add_local(Page& page) {
   page.add(
       "### Section 4.2's last remark: update only what the moving element influences\n\n"
-      "Metaballs on a lattice; none, one or all of them move. Skin where the field stands still sleeps: *relax* and "
-      "*certify* follow what moves. *alter* and *refine*, which takes most of the frame, do not yet. Medians of 7 "
-      "frames, ms:\n\n"
+      "Metaballs on a lattice; none, one or all of them move. Skin where the field stands still sleeps: the search for "
+      "critical points, *predict*, *alter*, *relax*, *certify* and *refine* work on what is awake, and *refine* goes "
+      "on "
+      "from the last frame's triangles. What still takes all of the skin copies it or looks it over, and fills places "
+      "that are hidden. Medians of 7 frames, ms:\n\n"
       "| metaballs | moving | triangles | frame | alter | relax | certify | refine | certified |\n"
       "|---|---|---|---|---|---|---|---|---|\n");
   for (const int count : {60, 1000})
