@@ -416,19 +416,7 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   inherited_.clear();
   for (const ReskinTry& how : options_.repairs) {
     if (!started_ || evidence.certificate.passed) break;
-    const auto t0 = Clock::now();
-    const bool did = reskin(frame, evidence, how, report);
-    const auto t1 = Clock::now();
-    if (did) certify(frame, evidence, report);
-    auto sorted = inherited_;
-    std::swap(inherited_, sorted);
-    std::sort(inherited_.begin(), inherited_.end());
-    if (getenv("INST"))
-      fprintf(stderr, "TRY frame %d %zu did %d ms %.0f cert %.0f share %.4f now %s\n", frame.frame,
-              size_t(&how - &options_.repairs[0]), did, std::chrono::duration<double, std::milli>(t1 - t0).count(),
-              std::chrono::duration<double, std::milli>(Clock::now() - t1).count(), share_renewed(first_new),
-              evidence.certificate.summary().c_str());
-    std::swap(inherited_, sorted);
+    if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
