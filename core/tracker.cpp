@@ -224,7 +224,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    geometric_.update(mesh_, *frame.field, last_field_ ? &changes_ : nullptr, evidence.lattice, evidence.topology,
+    geometric_.update(mesh_, *frame.field, started_ ? &changes_ : nullptr, evidence.lattice, evidence.topology,
                       *backend_, {options_.refine, options_.project, options_.edge_length, certify_options()});
   }
   if (options_.self_intersections) {
@@ -403,6 +403,7 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   Evidence evidence;
   const bool goes_on = started_ && lattice_field_ == last_field_;
   lattice_field_ = nullptr;
+  if (!has_critical_points(*frame.field)) last_field_ = nullptr;  // a grid is large, and changes_ says what is needed
   evidence.lattice = goes_on ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
                              : sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
   evidence.topology = lattice_topology(evidence.lattice, std::move(before_.topology));

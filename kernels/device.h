@@ -255,7 +255,7 @@ private:
   std::vector<T> copy_;
 };
 
-/// The caller's memory as a kernel argument for the length of one call: shared with a CPU device, copied to a GPU.
+/// The caller's memory as a kernel argument for as long as it is left alone: shared with a CPU device, copied to a GPU.
 /// Kernels must not touch anything behind the end. After collect() and Device::finish() the caller sees what kernels
 /// wrote; not to be destroyed before that.
 class Borrowed {

@@ -1,5 +1,7 @@
 #include "core/field/grid_field.h"
 
+#include <optional>
+
 #include "embedded/grid_field.cl.h"
 #include "kernels/device_field.h"
 
@@ -16,17 +18,19 @@ static_assert(sizeof(GridParams) == 44);
 
 class GridDeviceField final : public DeviceField {
 public:
-  explicit GridDeviceField(Device& device) : table_(device), constant_(device), tap_(device) {}
+  explicit GridDeviceField(Device& device) : device_(device), table_(device), constant_(device) {}
 
   bool takes(const Field& field) const override { return dynamic_cast<const GridField*>(&field) != nullptr; }
 
   void upload(const Field& field) override {
     const std::shared_ptr<const BrickGrid>& grid = static_cast<const GridField&>(field).grid();
     if (grid == uploaded_) return;
+    tap_.reset();
     uploaded_ = nullptr;
     table_.send(grid->table);
     constant_.send(grid->constant);
-    tap_.assign(grid->tap);
+    tap_.emplace(device_, grid->tap.data(), grid->tap.size() * sizeof(float));
+    device_.finish();
     params_.origin = make_origin(grid->origin + grid->h * double{BrickGrid::kBrick} * DVec3(grid->table_low));
     params_.over_h = static_cast<float>(1.0 / grid->h);
     for (int i = 0; i < 3; ++i) params_.size[i] = grid->table_size[i];
@@ -42,16 +46,18 @@ public:
   void bind(Device& device, const Kernel& kernel, cl_uint& slot) const override {
     device.set_argument(kernel, slot, table_);
     device.set_argument(kernel, slot, constant_);
-    device.set_argument(kernel, slot, tap_);
+    device.set_argument(kernel, slot, *tap_);
     device.set_argument(kernel, slot, params_);
   }
 
 private:
+  Device& device_;
   Array<std::int32_t> table_;
-  Array<float> constant_, tap_;
+  Array<float> constant_;
   GridParams params_{};
   bool cubic_ = true;
-  std::shared_ptr<const BrickGrid> uploaded_;  // kept, so its address cannot come back as another grid
+  std::shared_ptr<const BrickGrid> uploaded_;  // kept: a CPU reads its taps where they are
+  std::optional<Borrowed> tap_;                // of it
 };
 
 }  // namespace

@@ -139,6 +139,7 @@ public:
     options.sagitta = options_.sagitta ? options_.sagitta : scene_.meshing.sagitta;
     Tracker tracker(make_opencl_backend(), resolved(options, *last_.field));
     tracker.advance(last_);
+    if (options_.repeat == 1) last_ = {};
     for (int frame = first + 1; frame <= end; ++frame) run_frame(frame, tracker);
   }
 
@@ -182,7 +183,8 @@ private:
 
   /// One frame, again and again from the state before it, everyone in turns; the tracker goes on from the last.
   void run_frame(int frame, Tracker& tracker) {
-    before_ = tracker.mechanical();
+    const bool repeats = options_.repeat > 1;  // else nothing is kept to go back to
+    before_ = repeats ? tracker.mechanical() : TriangleMesh{};
     critical_points_ = tracker.critical_points();
     std::vector<Cost> costs;
     for (Contender& peer : peers_) peer.costs.clear();
@@ -199,7 +201,7 @@ private:
       peer.series.add(peer.costs, peer.files);
       peer.series.add(peer.mesh, *moment.field);
     }
-    last_ = moment;
+    if (repeats) last_ = moment;
   }
 
   /// One frame from the state before it; what its files took.

@@ -48,6 +48,9 @@ public:
   /// True when F has continuous second derivatives (critical points exist and can be classified).
   virtual bool is_c2() const { return true; }
 
+  /// What it holds in memory, roughly; 0 where that is little.
+  virtual std::size_t bytes() const { return 0; }
+
   /// |F| / |grad F|, the distance estimate of design 8, with the gradient's norm kept above `least_slope`.
   double distance_estimate(const DVec3& p, double least_slope = 1e-12) const;
 };

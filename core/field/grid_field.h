@@ -48,6 +48,7 @@ public:
   /// for a box of a few cells.
   Interval range(const Box& box) const override;
   double resolution() const override { return grid_->h; }
+  std::size_t bytes() const override { return grid_->tap.size() * sizeof(float); }
   bool is_c2() const override { return grid_->interpolation == Interpolation::cubic; }
 
   const std::shared_ptr<const BrickGrid>& grid() const { return grid_; }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <exception>
 #include <functional>
@@ -13,11 +14,14 @@
 
 namespace isoskin {
 
-/// Calls `load` for frames in the order they will be wanted: the one asked for, then up to `ahead` following ones. What
-/// `load` throws is thrown by get() of that frame. Keeps at most ahead + 1 frames. get() is not thread safe.
+/// Calls `load` for frames in the order they will be wanted: the one asked for, then up to `ahead` following ones, but
+/// never more than `most_bytes` hold when they are as large as the last one loaded (FieldFrame::bytes()). What `load`
+/// throws is thrown by get() of that frame. Keeps at most ahead + 1 frames. get() is not thread safe.
 class Prefetch {
 public:
-  Prefetch(std::function<FieldFrame(int)> load, int last_frame, int ahead);
+  static constexpr std::size_t kMostBytes = std::size_t{1} << 28;
+
+  Prefetch(std::function<FieldFrame(int)> load, int last_frame, int ahead, std::size_t most_bytes = kMostBytes);
   ~Prefetch();  // waits for the frame that is being loaded
 
   /// Waits until `frame` is loaded.
@@ -29,15 +33,17 @@ private:
     std::exception_ptr error;
   };
   void work();
+  int window() const;
 
   std::function<FieldFrame(int)> load_;
   int last_frame_;
   int ahead_;
+  std::size_t most_bytes_, bytes_ = 0;  // of a frame
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<int> wanted_;
   std::map<int, Loaded> loaded_;
-  int loading_;
+  int asked_, loading_;
   bool stop_ = false;
   std::thread thread_;  // last: it uses all of the above
 };
