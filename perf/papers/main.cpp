@@ -1,8 +1,11 @@
 // isoskin-papers: figures and tables of the papers beside isoskin's own, as a page of Markdown and a folder of
 // pictures.
-//   isoskin-papers perf/papers.md       writes the page, and pictures to perf/papers-figures/
+//   isoskin-papers perf/papers.md              writes the page, and pictures to perf/papers-figures/
+//   isoskin-papers out/page.md rumiano skins   some of its parts
+#include <algorithm>
 #include <cstdlib>
 #include <ctime>
+#include <set>
 
 #include <fmt/chrono.h>
 
@@ -59,12 +62,32 @@ Image colored_picture(const TriangleMesh& mesh, const Box& box, const DVec3& fro
 
 }  // namespace isoskin::papers
 
+namespace {
+
+struct Part {
+  const char* name;
+  void (*add)(isoskin::papers::Page&);
+};
+
+constexpr Part kParts[] = {
+    {"particles", isoskin::papers::add_particles}, {"springs", isoskin::papers::add_spring_lattice},
+    {"seeds", isoskin::papers::add_seeds},         {"skins", isoskin::papers::add_skins},
+    {"rumiano", isoskin::papers::add_rumiano},     {"local", isoskin::papers::add_local},
+};
+
+int usage() {
+  fmt::print(stderr, "usage: isoskin-papers PAGE.md [particles] [springs] [seeds] [skins] [rumiano] [local]\n");
+  return 2;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   using namespace isoskin;
-  if (argc != 2) {
-    fmt::print(stderr, "usage: isoskin-papers PAGE.md\n");
-    return 2;
-  }
+  if (argc < 2 || argv[1][0] == '-') return usage();
+  const std::set<std::string> wanted(argv + 2, argv + argc);
+  for (const std::string& name : wanted)
+    if (std::ranges::none_of(kParts, [&](const Part& part) { return part.name == name; })) return usage();
   try {
     const std::filesystem::path file = argv[1];
     papers::Page page{std::filesystem::absolute(file).parent_path() / (file.stem().string() + "-figures"), {}};
@@ -76,11 +99,8 @@ int main(int argc, char** argv) {
         "on {:%Y-%m-%d}; "
         "the machine's load average was {:.0f} then (4 cores, no GPU), which wall times suffer from.\n\n",
         fmt::gmtime(std::time(nullptr)), load[0]);
-    papers::add_particles(page);
-    papers::add_spring_lattice(page);
-    papers::add_seeds(page);
-    papers::add_skins(page);  // and, within, add_skin_figures() and add_fluid_figures()
-    papers::add_rumiano(page);
+    for (const Part& part : kParts)
+      if (wanted.empty() || wanted.contains(part.name)) part.add(page);
     write_file_atomically(file, page.text);
   } catch (const std::exception& error) {
     fmt::print(stderr, "isoskin-papers: {}\n", error.what());

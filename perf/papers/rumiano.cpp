@@ -191,7 +191,7 @@ void add_local_row(Page& page, int count, int moving) {
   options = resolved(options, *lattice_of_balls(count, moving, 0));
   Tracker tracker(make_opencl_backend(), options);
   std::map<std::string, std::vector<double>> steps;
-  std::vector<double> total;
+  std::vector<double> total, awake;
   std::size_t triangles = 0;
   bool certified = true;
   for (int frame = 0; frame <= kStart + kFrames; ++frame) {
@@ -205,12 +205,17 @@ void add_local_row(Page& page, int count, int moving) {
       if (name != "total") sum += ms;
     }
     total.push_back(sum);
+    const std::vector<std::uint8_t> asleep = sleeping(tracker.mechanical().vertices, options.sleep);  // none: empty
+    const std::size_t vertices = tracker.mechanical().vertices.size();
+    awake.push_back(100.0 * (1.0 - double(std::ranges::count(asleep, 1)) / double(vertices)));
   }
   const auto ms = [&](const char* name) { return steps.contains(name) ? perf::median(steps[name]) : 0.0; };
-  page.add("| {} | {} | {} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | {} |\n", count, moving, triangles,
-           perf::median(total), ms("alter"), ms("relax") + ms("project"), ms("certify"), ms("refine"),
-           certified ? "all" : "not all");
+  page.add("| {} | {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {} |\n", count, moving, triangles,
+           perf::median(awake), perf::median(total), ms("alter"), ms("relax") + ms("project"), ms("certify"),
+           ms("refine"), certified ? "all" : "not all");
 }
+
+}  // namespace
 
 void add_local(Page& page) {
   page.add(
@@ -220,14 +225,12 @@ void add_local(Page& page) {
       "on "
       "from the last frame's triangles. What still takes all of the skin copies it or looks it over, and fills places "
       "that are hidden. Medians of 7 frames, ms:\n\n"
-      "| metaballs | moving | triangles | frame | alter | relax | certify | refine | certified |\n"
-      "|---|---|---|---|---|---|---|---|---|\n");
-  for (const int count : {60, 1000})
-    for (const int moving : {0, 1, count}) add_local_row(page, count, moving);
+      "| metaballs | moving | triangles | awake, % | frame | alter | relax | certify | refine | certified |\n"
+      "|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const int moving : {0, 1, 6, 60}) add_local_row(page, 60, moving);
+  for (const int moving : {0, 1, 10, 100, 1000}) add_local_row(page, 1000, moving);
   page.add("\n");
 }
-
-}  // namespace
 
 void add_rumiano(Page& page) {
   page.add("## Rumiano 2007\n\n");
@@ -245,7 +248,6 @@ void add_rumiano(Page& page) {
   }
   page.add("\nThese swaps are isoskin's own, by shape and valence, with mechanics on.\n\n");
   add_projected(page);
-  add_local(page);
 }
 
 }  // namespace isoskin::papers
