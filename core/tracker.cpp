@@ -236,9 +236,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   report.survived = share_surviving(before, after);
   report.inherited = before.empty() ? 0.0 : double(count_in_all(before, after, inherited_)) / double(before.size());
   report.mechanical_triangles = mesh_.triangle_count();
-  report.geometric_triangles = geometric().mesh.triangle_count();
+  report.geometric_triangles = geometric_.triangle_count();
   report.mechanical = shape_statistics(mesh_);
-  report.geometric = shape_statistics(geometric().mesh);
+  report.geometric = geometric_.statistics();
   if (options_.validate)
     for (const TriangleMesh* mesh : {&std::as_const(mesh_), &geometric().mesh})
       if (const ValidateReport valid = validate(*mesh); !valid)

@@ -457,6 +457,10 @@ void expect_same_bytes(const GeometricMesh& a, const GeometricMesh& b) {
   EXPECT_EQ(a.mesh.next_id, b.mesh.next_id);
 }
 
+bool same_shape(const ShapeStatistics& a, const ShapeStatistics& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
 /// Balls along a circle.
 std::vector<SkeletonElement> necklace(int count, double circle = 1.0) {
   std::vector<SkeletonElement> balls(std::size_t(count), SkeletonElement{});
@@ -482,7 +486,7 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
   RefinedSkinOptions how{options(10.0f), kProject, 0.0, 0.01};
   how.refine.sagitta = 0.004f;
   how.project.reach = 0.1f;
-  RefinedSkin local;
+  RefinedSkin local, seldom_asked;
   std::mt19937 random(5);
   const auto any = [&](std::size_t count) { return std::uniform_int_distribution<std::size_t>(0, count - 1)(random); };
   const auto within = [&](float most) { return std::uniform_real_distribution<float>(-most, most)(random); };
@@ -517,6 +521,10 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
     RefinedSkin whole;
     whole.update(skin, nullptr, *backend, how);
     expect_same_bytes(local.mesh(), whole.mesh());
+    seldom_asked.update(skin, &changes, *backend, how);
+    EXPECT_EQ(seldom_asked.triangle_count(), whole.triangle_count());
+    EXPECT_TRUE(same_shape(seldom_asked.statistics(), whole.statistics()));
+    if (frame % 4 == 3) expect_same_bytes(seldom_asked.mesh(), whole.mesh());
     if (frame == 0) expect_same_bytes(local.mesh(), refine(skin, *backend, how.refine, how.project));
     EXPECT_TRUE(same_bytes(local.strays(), whole.strays()));
     EXPECT_EQ(whole.refined_triangles(), skin.triangle_count());
@@ -528,6 +536,26 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
   EXPECT_LT(refined, all / 2);
   EXPECT_GT(strays, 0u);
   EXPECT_GT(altered, 10u);
+}
+
+TEST(RefinedSkin, StatisticsAreThoseOfItsMesh) {
+  const std::unique_ptr<Backend> backend = make_reference_backend();
+  backend->set_field(std::make_shared<const SkeletonField>(necklace(16), 0.4));
+  TriangleMesh skin = test_meshes::torus(60, 12);
+  backend->project(skin.vertices.position, kProject, {});
+  RefinedSkin refined;
+  refined.update(skin, nullptr, *backend, {options(10.0f), kProject, 0.0, 0.01});
+  for (const bool flattened : {false, true}) {
+    if (flattened) refined.flatten({skin.position(0)}, 0.5f);
+    const ShapeStatistics told = refined.statistics(), whole = shape_statistics(refined.mesh().mesh);
+    EXPECT_EQ(told.min_angle, whole.min_angle);
+    EXPECT_LE(told.p1_angle, whole.p1_angle);
+    EXPECT_GT(told.p1_angle + ShapeTally::kStep, whole.p1_angle);
+    EXPECT_NEAR(told.mean_angle, whole.mean_angle, 1e-9);
+    EXPECT_EQ(told.below_10_degrees, whole.below_10_degrees);
+    EXPECT_NEAR(told.mean_edge, whole.mean_edge, 1e-12);
+    EXPECT_NEAR(told.area, whole.area, 1e-9);
+  }
 }
 
 TEST(RefinedSkin, WhatIsRefinedWhenOneBallMovesDoesNotDependOnHowManyRest) {

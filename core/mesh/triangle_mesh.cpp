@@ -169,18 +169,6 @@ double ordered_sum(std::size_t n, const Function& f) {
   return std::accumulate(block.begin(), block.end(), 0.0);
 }
 
-/// The angle opposite the shortest edge, degrees; 0 for a degenerate triangle.
-double smallest_angle(const DVec3& a, const DVec3& b, const DVec3& c) {
-  DVec3 u = b - a, v = c - a;
-  const double ab = glm::dot(u, u), ca = glm::dot(v, v), bc = glm::dot(c - b, c - b);
-  if (ab <= bc && ab <= ca) {
-    u = a - c, v = b - c;
-  } else if (ca <= bc) {
-    u = a - b, v = c - b;
-  }
-  return glm::degrees(std::atan2(glm::length(glm::cross(u, v)), glm::dot(u, v)));
-}
-
 }  // namespace
 
 void VertexTable::resize(std::size_t n) {
@@ -377,6 +365,17 @@ void reorder(TriangleMesh& mesh) {
   mesh.vertex = std::move(vertex);
   mesh.twin = std::move(twin);
   mesh.vertices = mesh.vertices.select(vertex_order);
+}
+
+double smallest_angle(const DVec3& a, const DVec3& b, const DVec3& c) {
+  DVec3 u = b - a, v = c - a;
+  const double ab = glm::dot(u, u), ca = glm::dot(v, v), bc = glm::dot(c - b, c - b);
+  if (ab <= bc && ab <= ca) {
+    u = a - c, v = b - c;
+  } else if (ca <= bc) {
+    u = a - b, v = c - b;
+  }
+  return glm::degrees(std::atan2(glm::length(glm::cross(u, v)), glm::dot(u, v)));
 }
 
 ShapeStatistics shape_statistics(const TriangleMesh& mesh) {

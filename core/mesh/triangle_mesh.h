@@ -87,6 +87,9 @@ void append(TriangleMesh& mesh, const TriangleMesh& other);
 /// Renumbers vertices and triangles along a Morton curve of their positions, so gathers stay local (design 4).
 void reorder(TriangleMesh& mesh);
 
+/// The angle opposite the shortest edge, degrees; 0 for a degenerate triangle.
+double smallest_angle(const DVec3& a, const DVec3& b, const DVec3& c);
+
 /// Smallest angles and lengths of a mesh, degrees and world units.
 struct ShapeStatistics {
   double min_angle = 0, p1_angle = 0, mean_angle = 0;  // over each triangle's smallest angle

@@ -52,7 +52,7 @@ public:
     kept_.refined_triangles_ += kept_.refined_.refined_triangles();
     const Span span("look");
     const double least = tolerance_ * std::min(1.0, options_.hidden_corner);
-    kept_.wrong_.update(kept_.mesh().mesh, kept_.refined_.changed(), field_, changes, lattice_, topology_, least);
+    kept_.wrong_.update(kept_.refined_, field_, changes, lattice_, topology_, least);
   }
 
   /// Fills hidden places anew until none is left out, or it has been done often enough.
@@ -106,7 +106,7 @@ private:
   /// At the mesh as it is, wherever it differs from what was kept.
   std::vector<Vec3> look(double distance) const {
     WrongCorners wrong;
-    wrong.update(kept_.mesh().mesh, std::nullopt, field_, nullptr, lattice_, topology_, distance);
+    wrong.look(kept_.mesh().mesh, field_, lattice_, topology_, distance);
     return wrong.farther_than(distance);
   }
 

@@ -46,7 +46,10 @@ public:
               const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
               const GeometricOptions& options, GeometricReport* report = nullptr);
 
+  /// Put in order when asked for, see RefinedSkin::mesh().
   const GeometricMesh& mesh() const { return refined_.mesh(); }
+  std::size_t triangle_count() const { return refined_.triangle_count(); }
+  ShapeStatistics statistics() const { return refined_.statistics(); }
   /// Triangles of the mechanical mesh (or of its copies) that the last update() refined.
   std::size_t refined_triangles() const { return refined_triangles_; }
 

@@ -39,12 +39,38 @@ std::vector<Index> match_ids(const std::vector<Index>& before, std::size_t old_c
   return old;
 }
 
-Box children_box(const Refinement& refined, Index triangle) {
-  Box box;
-  const TriangleMesh& mesh = refined.geometric.mesh;
-  for (Index h = 3 * refined.first_child[triangle]; h < 3 * refined.first_child[triangle + 1]; ++h)
-    box.add(DVec3(mesh.position(mesh.vertex[h])));
-  return box;
+/// The rows of a column that stay, in their new order; others are as new.
+template <class T>
+void renumber(std::vector<T>& column, const std::vector<Index>& old) {
+  std::vector<T> next(old.size());
+  for_each_index(old.size(), [&](std::size_t i) {
+    if (old[i] != kNone) next[i] = column[old[i]];
+  });
+  column = std::move(next);
+}
+
+bool is_identity(const std::vector<Index>& old, std::size_t count) {
+  if (old.size() != count) return false;
+  for (std::size_t i = 0; i < count; ++i)
+    if (old[i] != i) return false;
+  return true;
+}
+
+/// A column seldom grows, and then by little.
+template <class T>
+void make_room(std::vector<T>& column, std::size_t size) {
+  constexpr std::size_t kSpare = 16;
+  if (column.capacity() < size) column.reserve(size + size / kSpare);
+  if (column.size() < size) column.resize(size);
+}
+
+/// Do the stretches follow on each other, up to the end?
+bool in_one_piece(const std::vector<Rows>& rows, std::size_t first, std::size_t end) {
+  for (const Rows& r : rows) {
+    if (r.count > 0 && r.first != first) return false;
+    first += r.count;
+  }
+  return first == end;
 }
 
 }  // namespace
@@ -58,12 +84,18 @@ double distance_estimate(double value, double slope, double voxel) {
 class RefinedSkin::Update {
 public:
   Update(RefinedSkin& last, const TriangleMesh& skin, Backend& backend, const RefinedSkinOptions& options)
-      : last_(last), old_(last.refined_), skin_(skin), backend_(backend), options_(options) {}
+      : last_(last), skin_(skin), backend_(backend), options_(options) {}
 
   /// False when refining everything is cheaper; nothing has been done then.
   bool run(const FieldChanges& changes) {
     match_triangles();
+    last_.carried_ = false;
     std::vector<Index> changed = changed_triangles(changes);
+    if (changed.empty() && unaltered()) {
+      last_.changed_.emplace();
+      last_.refined_triangles_ = 0;
+      return true;
+    }
     for (int attempt = 0; attempt < kTries; ++attempt) {
       rings_ = kLeastRings + 2 * std::max(0, attempt - 1);
       if (!grow(changed)) return false;
@@ -72,7 +104,7 @@ public:
         refine_part();
         otherwise = come_out_otherwise();
         if (otherwise.empty()) {
-          assemble();
+          put_in();
           return true;
         }
       } else {
@@ -84,16 +116,20 @@ public:
   }
 
 private:
-  std::size_t old_skin_vertices() const { return old_.geometric.mesh.vertex_count() - old_.birth.size(); }
-  const TriangleMesh& old_mesh() const { return old_.geometric.mesh; }
+  std::size_t old_corners() const { return last_.corner_.size(); }
+  const Vec3& old_position(Index v) const { return last_.position(last_.corner_[v]); }
   const TriangleMesh& part_mesh() const { return part_.geometric.mesh; }
   bool inner(Index t) const { return distance_[t] <= rings_; }
-  bool guard(Index t) const { return inner(t) && distance_[t] > rings_ - 2; }
+  bool core(Index t) const { return distance_[t] <= rings_ - 2; }
+  bool guard(Index t) const { return inner(t) && !core(t); }
+  bool unaltered() const {
+    return is_identity(old_vertex_, old_corners()) && is_identity(old_triangle_, last_.child_.size());
+  }
 
   /// Triangles of the old skin with the same corners by id, first corner first.
   void match_triangles() {
-    old_vertex_ = match_ids(old_mesh().vertices.id, old_skin_vertices(), skin_.vertices.id);
-    new_vertex_.assign(old_skin_vertices(), kNone);
+    old_vertex_ = match_ids(last_.skin_.id, old_corners(), skin_.vertices.id);
+    new_vertex_.assign(old_corners(), kNone);
     for (Index v = 0; v < old_vertex_.size(); ++v)
       if (old_vertex_[v] != kNone) new_vertex_[old_vertex_[v]] = v;
     const std::size_t old_count = last_.vertex_.size() / 3;
@@ -120,13 +156,13 @@ private:
   std::vector<Index> changed_triangles(const FieldChanges& changes) const {
     std::vector<std::uint8_t> moved(skin_.vertex_count());
     for_each_index(moved.size(), [&](std::size_t v) {
-      moved[v] = old_vertex_[v] == kNone || !same_bits(skin_.position(Index(v)), old_mesh().position(old_vertex_[v]));
+      moved[v] = old_vertex_[v] == kNone || !same_bits(skin_.position(Index(v)), old_position(old_vertex_[v]));
     });
     const ChangeMask mask(changes, double(options_.project.reach));
     return indices_where(skin_.triangle_count(), [&](Index t) {
       const Index* v = &skin_.vertex[3 * t];
       return old_triangle_[t] == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]] ||
-             (!mask.empty() && mask.overlaps(children_box(old_, old_triangle_[t])));
+             (!mask.empty() && mask.overlaps(last_.bounds_[old_triangle_[t]].box()));
     });
   }
 
@@ -156,10 +192,10 @@ private:
   /// New vertices that an old triangle and its neighbours have in common are not all its own.
   template <class Wanted>
   bool any_old_vertex(Index t, const Wanted& wanted) const {
-    const Index o = old_triangle_[t];
-    for (Index h = 3 * old_.first_child[o]; h < 3 * old_.first_child[o + 1]; ++h) {
-      const Index v = old_mesh().vertex[h];
-      if (v >= old_skin_vertices() && wanted(v)) return true;
+    const Rows child = last_.child_[old_triangle_[t]];
+    for (Index h = 3 * child.first; h < 3 * (child.first + child.count); ++h) {
+      const Index row = last_.geometric_.mesh.vertex[h];
+      if (last_.is_new(row) && wanted(row)) return true;
     }
     return false;
   }
@@ -169,8 +205,7 @@ private:
   std::vector<Index> put_back_about() const {
     std::vector<Index> found;
     for (const Index t : triangle_)
-      if (distance_[t] > rings_ - 2 &&
-          any_old_vertex(t, [&](Index v) { return old_.birth[v - old_skin_vertices()].put_back != 0; }))
+      if (distance_[t] > rings_ - 2 && any_old_vertex(t, [&](Index row) { return last_.birth_[row].put_back != 0; }))
         found.push_back(t);
     return found;
   }
@@ -188,7 +223,7 @@ private:
         if (local_vertex[v] == kNone) {
           local_vertex[v] = Index(vertex_.size());
           vertex_.push_back(v);
-          known.name.push_back(old_vertex_[v]);
+          known.name.push_back(old_vertex_[v] == kNone ? kNone : last_.corner_[old_vertex_[v]]);
         }
         part.vertex.push_back(local_vertex[v]);
         part.twin.push_back(other == kNone ? kNone : 3 * other + skin_.twin[h] % 3);
@@ -208,31 +243,33 @@ private:
   }
 
   void add_splits(Index t, std::vector<KnownSplits::Split>& splits) const {
-    any_old_vertex(t, [&](Index v) {
-      const auto [a, b] = old_.geometric.parent_edge[v];
-      splits.push_back({std::min(a, b), std::max(a, b), v, int(old_.birth[v - old_skin_vertices()].pass)});
+    any_old_vertex(t, [&](Index row) {
+      const auto [a, b] = last_.geometric_.parent_edge[row];
+      splits.push_back({std::min(a, b), std::max(a, b), row, int(last_.birth_[row].pass)});
       return false;
     });
   }
 
-  /// What a vertex of the part was, were its owner as it had been; kNone where it has no counterpart.
-  Index old_name(Index v) const {
-    if (v < vertex_.size()) return old_vertex_[vertex_[v]];
+  /// The row of a vertex of the part, were its owner as it had been; kNone where it has no counterpart.
+  Index old_row(Index v) const {
+    if (v < vertex_.size()) return old_vertex_[vertex_[v]] == kNone ? kNone : last_.corner_[old_vertex_[vertex_[v]]];
     const Index fresh = v - Index(vertex_.size()), owner = owner_of_part_[fresh];
     const Index o = old_triangle_[triangle_[owner]];
     if (o == kNone) return kNone;
     const Index k = fresh - part_.first_vertex[owner];
-    if (k >= old_.first_vertex[o + 1] - old_.first_vertex[o]) return kNone;
-    return Index(old_skin_vertices()) + old_.first_vertex[o] + k;
+    return k < last_.fresh_[o].count ? last_.fresh_[o].first + k : kNone;
   }
 
   /// Is it where the old one is, and came as that did, without having been put back?
-  bool same_vertex(Index v, Index old) const {
-    if (old_name(v) != old || !same_bits(part_mesh().position(v), old_mesh().position(old))) return false;
+  bool same_vertex(Index v, Index row) const {
+    if (old_row(v) != row || !same_bits(part_mesh().position(v), last_.position(row))) return false;
     if (v < vertex_.size()) return true;
     const Birth birth = part_.birth[v - vertex_.size()];
-    return birth == old_.birth[old - old_skin_vertices()] && !birth.put_back;
+    return birth == last_.birth_[row] && !birth.put_back;
   }
+
+  Index part_children(Index i) const { return part_.first_child[i + 1] - part_.first_child[i]; }
+  Index part_vertices(Index i) const { return part_.first_vertex[i + 1] - part_.first_vertex[i]; }
 
   /// Triangles of the guard.
   std::vector<Index> come_out_otherwise() const {
@@ -240,150 +277,147 @@ private:
     for (Index i = 0; i < triangle_.size(); ++i) {
       if (!guard(triangle_[i])) continue;
       const Index o = old_triangle_[triangle_[i]];
-      const auto counts_agree = [&](const std::vector<Index>& now, const std::vector<Index>& before) {
-        return now[i + 1] - now[i] == before[o + 1] - before[o];
-      };
-      bool same =
-          counts_agree(part_.first_child, old_.first_child) && counts_agree(part_.first_vertex, old_.first_vertex);
-      for (Index k = 0; same && k < 3 * (old_.first_child[o + 1] - old_.first_child[o]); ++k)
+      const Rows child = last_.child_[o];
+      bool same = part_children(i) == child.count && part_vertices(i) == last_.fresh_[o].count;
+      for (Index k = 0; same && k < 3 * child.count; ++k)
         same = same_vertex(part_mesh().vertex[3 * part_.first_child[i] + k],
-                           old_mesh().vertex[3 * old_.first_child[o] + k]);
+                           last_.geometric_.mesh.vertex[3 * child.first + k]);
       if (!same) found.push_back(triangle_[i]);
     }
     return found;
   }
 
-  /// Children and new vertices of all triangles, from the part up to the guard, else from before.
-  void assemble() {
-    const Span span("assemble");
-    const std::size_t triangles = skin_.triangle_count(), corners = skin_.vertex_count();
-    Refinement next;
-    next.first_child.assign(triangles + 1, 0);
-    next.first_vertex.assign(triangles + 1, 0);
-    for_each_index(triangles, [&](std::size_t t) {
-      const Refinement& from = inner(Index(t)) ? part_ : old_;
-      const Index at = inner(Index(t)) ? local_triangle_[t] : old_triangle_[t];
-      next.first_child[t + 1] = from.first_child[at + 1] - from.first_child[at];
-      next.first_vertex[t + 1] = from.first_vertex[at + 1] - from.first_vertex[at];
-    });
-    std::partial_sum(next.first_child.begin(), next.first_child.end(), next.first_child.begin());
-    std::partial_sum(next.first_vertex.begin(), next.first_vertex.end(), next.first_vertex.begin());
-
-    // Where old and part's vertices and children are now.
-    std::vector<Index> from_old(old_mesh().vertex_count(), kNone), from_part(part_mesh().vertex_count(), kNone);
-    std::vector<Index> child_from_old(old_mesh().triangle_count(), kNone);
-    std::copy(new_vertex_.begin(), new_vertex_.end(), from_old.begin());
-    std::copy(vertex_.begin(), vertex_.end(), from_part.begin());
-    for_each_index(triangles, [&](std::size_t t) {
-      const Index o = old_triangle_[t];
-      if (o == kNone || distance_[t] <= rings_ - 2) return;
-      for (Index k = 0; k < old_.first_vertex[o + 1] - old_.first_vertex[o]; ++k)
-        from_old[old_skin_vertices() + old_.first_vertex[o] + k] = Index(corners) + next.first_vertex[t] + k;
-      for (Index k = 0; k < old_.first_child[o + 1] - old_.first_child[o]; ++k)
-        child_from_old[old_.first_child[o] + k] = next.first_child[t] + k;
-    });
-    for (Index v = Index(vertex_.size()); v < from_part.size(); ++v) {
-      const Index fresh = v - Index(vertex_.size()), owner = owner_of_part_[fresh];
-      from_part[v] = Index(corners) + next.first_vertex[triangle_[owner]] + fresh - part_.first_vertex[owner];
-    }
-    const auto child_from_part = [&](Index c) {
-      const Index t = part_.geometric.parent_triangle[c];
-      return next.first_child[triangle_[t]] + c - part_.first_child[t];
-    };
-
-    GeometricMesh& out = next.geometric;
-    const std::size_t all = corners + next.first_vertex.back(), children = next.first_child.back();
-    out.mesh.vertex.resize(3 * children);
-    out.mesh.twin.resize(3 * children);
-    out.parent_triangle.resize(children);
-    out.normal.resize(all);
-    out.parent_edge.resize(all);
-    next.birth.resize(all - corners);
-    out.mesh.next_id = skin_.next_id;
-    out.mesh.vertices = skin_.vertices;
-    out.mesh.vertices.resize(all);
-    for_each_index(corners, [&](std::size_t v) {
-      out.parent_edge[v] = {Index(v), Index(v)};
-      if (old_vertex_[v] != kNone) out.normal[v] = old_.geometric.normal[old_vertex_[v]];
-    });
-    for_each_index(triangles, [&](std::size_t t) {
-      const bool anew = inner(Index(t));
-      const Refinement& from = anew ? part_ : old_;
-      const Index at = anew ? local_triangle_[t] : old_triangle_[t];
-      const std::vector<Index>& vertex = anew ? from_part : from_old;
-      const Index own = Index(from.geometric.mesh.vertex_count() - from.birth.size());
-      for (Index k = 0; k < next.first_vertex[t + 1] - next.first_vertex[t]; ++k) {
-        const Index v = Index(corners) + next.first_vertex[t] + k, source = own + from.first_vertex[at] + k;
-        const auto [a, b] = from.geometric.parent_edge[source];
-        out.mesh.vertices.position[v] = from.geometric.mesh.position(source);
-        out.normal[v] = from.geometric.normal[source];
-        out.parent_edge[v] = {vertex[a], vertex[b]};
-        next.birth[v - corners] = from.birth[source - own];
-      }
-      for (Index k = 0; k < next.first_child[t + 1] - next.first_child[t]; ++k) {
-        const Index child = next.first_child[t] + k, source = from.first_child[at] + k;
-        out.parent_triangle[child] = Index(t);
-        for (Index h = 0; h < 3; ++h) {
-          const Index twin = from.geometric.mesh.twin[3 * source + h];
-          out.mesh.vertex[3 * child + h] = vertex[from.geometric.mesh.vertex[3 * source + h]];
-          out.mesh.twin[3 * child + h] = 3 * (anew ? child_from_part(twin / 3) : child_from_old[twin / 3]) + twin % 3;
-        }
-      }
-    });
-    number_and_carry(out, corners);
-    replace_normals(out, from_old, from_part);
-    list_changes(next);
+  /// The core's children and new vertices come in place of what was there; the guard's, which are as they were, refer
+  /// to them.
+  void put_in() {
+    const Span span("put in");
+    for (const Index row : last_.without_normal_) last_.geometric_.normal[row] = Vec3(0.0f);
+    last_.without_normal_.clear();
+    last_.normals_replaced_ = false;
+    last_.changed_.emplace();
+    take_out();
     list_strays();
-    last_.refined_ = std::move(next);
-    last_.vertex_ = skin_.vertex;
+    const bool same_order = last_.ordered_ && keeps_numbers();
+    renumber_all();
+    find_rows();
+    for_each_index(triangle_.size(), [&](std::size_t i) {
+      if (inner(triangle_[i])) write(Index(i));
+    });
+    for (Index i = 0; i < vertex_.size(); ++i) {
+      const Index row = last_.corner_[vertex_[i]];
+      last_.geometric_.normal[row] = part_.geometric.normal[i];
+      last_.geometric_.mesh.vertices.position[row] = skin_.position(vertex_[i]);
+      last_.geometric_.parent_edge[row] = {row, row};
+      last_.birth_[row] = {};
+    }
+    for (const Index t : triangle_)
+      if (core(t)) last_.changed_->push_back((last_.bounds_[t] = last_.bounds(t)).box());
+    last_.ordered_ = same_order && in_one_piece(last_.child_, 0, last_.geometric_.parent_triangle.size()) &&
+                     in_one_piece(last_.fresh_, last_.corner_.size(), last_.birth_.size());
     last_.refined_triangles_ = triangle_.size();
   }
 
-  /// Ages at least change everywhere.
-  static void number_and_carry(GeometricMesh& out, std::size_t corners) {
-    VertexTable& table = out.mesh.vertices;
-    for (std::size_t v = corners; v < table.size(); ++v) {
-      const auto [a, b] = out.parent_edge[v];
-      table.rest[v] = 0.5f * (table.rest[a] + table.rest[b]);
-      table.velocity[v] = 0.5f * (table.velocity[a] + table.velocity[b]);
-      table.age[v] = std::min(table.age[a], table.age[b]);
+  /// Triangles that go or are of the core; sets new_triangle_.
+  void take_out() {
+    new_triangle_.assign(last_.child_.size(), kNone);
+    for (Index t = 0; t < old_triangle_.size(); ++t)
+      if (old_triangle_[t] != kNone) new_triangle_[old_triangle_[t]] = t;
+    for (Index o = 0; o < new_triangle_.size(); ++o) {
+      if (new_triangle_[o] != kNone && !core(new_triangle_[o])) continue;
+      last_.changed_->push_back(last_.bounds_[o].box());
+      last_.count(o, -1);
+      last_.triangles_ -= last_.child_[o].count;
     }
-    std::iota(table.id.begin() + std::ptrdiff_t(corners), table.id.end(), out.mesh.next_id);
-    out.mesh.next_id += Index(table.size() - corners);
   }
 
-  /// Of the skin's vertices in the part; and where the gradient vanishes, which triangles anywhere about have a say in.
-  void replace_normals(GeometricMesh& out, const std::vector<Index>& from_old, const std::vector<Index>& from_part) {
-    std::vector<Index> perhaps;
-    for (const Index v : last_.without_normal_)
-      if (from_old[v] != kNone) perhaps.push_back(from_old[v]);
-    for (const Index v : perhaps) out.normal[v] = Vec3(0.0f);
+  /// Are all triangles and vertices of the skin that stay what they were by number?
+  bool keeps_numbers() const {
+    for (Index t = 0; t < old_triangle_.size(); ++t)
+      if (old_triangle_[t] != t && !(old_triangle_[t] == kNone && t < new_triangle_.size())) return false;
+    return is_identity(old_vertex_, old_corners()) && old_triangle_.size() == new_triangle_.size();
+  }
+
+  void renumber_all() {
+    for (Index o = 0; o < new_triangle_.size(); ++o)
+      if (new_triangle_[o] == kNone) {
+        last_.free_children_.give_back(last_.child_[o]);
+        last_.free_vertices_.give_back(last_.fresh_[o]);
+      }
+    if (!is_identity(old_triangle_, last_.child_.size())) {
+      renumber(last_.child_, old_triangle_);
+      renumber(last_.fresh_, old_triangle_);
+      renumber(last_.bounds_, old_triangle_);
+      if (!last_.shape_.empty()) renumber(last_.shape_, old_triangle_);
+    }
+    if (is_identity(old_vertex_, old_corners())) return;
+    for (Index o = 0; o < new_vertex_.size(); ++o)
+      if (new_vertex_[o] == kNone) last_.free_vertices_.give_back({last_.corner_[o], 1});
+    std::vector<Index> corner(old_vertex_.size(), kNone);
+    for (Index v = 0; v < corner.size(); ++v)
+      if (old_vertex_[v] != kNone) corner[v] = last_.corner_[old_vertex_[v]];
+    last_.corner_ = std::move(corner);
+  }
+
+  /// For what came in the core, where what was there does not have as many.
+  void find_rows() {
+    GeometricMesh& out = last_.geometric_;
+    Index child_end = Index(out.mesh.triangle_count()), vertex_end = Index(out.mesh.vertex_count());
+    const auto fit = [](Rows& rows, Index count, RowPool& free, Index& end) {
+      if (rows.count == count) return;
+      free.give_back(rows);
+      rows = free.take(count, end);
+    };
     for (Index i = 0; i < triangle_.size(); ++i) {
-      if (!inner(triangle_[i])) continue;
-      for (Index h = 3 * part_.first_child[i]; h < 3 * part_.first_child[i + 1]; ++h) {
-        const Index v = part_mesh().vertex[h];
-        out.normal[from_part[v]] = part_.geometric.normal[v];
-        perhaps.push_back(from_part[v]);
+      if (!core(triangle_[i])) continue;
+      fit(last_.child_[triangle_[i]], part_children(i), last_.free_children_, child_end);
+      fit(last_.fresh_[triangle_[i]], part_vertices(i), last_.free_vertices_, vertex_end);
+      last_.triangles_ += part_children(i);
+      if (!last_.shape_.empty()) last_.shape_[triangle_[i]] = {};
+    }
+    for (Index& row : last_.corner_)
+      if (row == kNone) row = last_.free_vertices_.take(1, vertex_end).first;
+    make_room(out.mesh.vertex, 3 * std::size_t(child_end));
+    make_room(out.mesh.twin, 3 * std::size_t(child_end));
+    make_room(out.parent_triangle, child_end);
+    make_room(out.mesh.vertices.position, vertex_end);
+    make_room(out.normal, vertex_end);
+    make_room(out.parent_edge, vertex_end);
+    make_room(last_.birth_, vertex_end);
+  }
+
+  Index new_row(Index v) const {
+    if (v < vertex_.size()) return last_.corner_[vertex_[v]];
+    const Index fresh = v - Index(vertex_.size()), owner = owner_of_part_[fresh];
+    return last_.fresh_[triangle_[owner]].first + fresh - part_.first_vertex[owner];
+  }
+
+  Index new_child_row(Index c) const {
+    const Index owner = part_.geometric.parent_triangle[c];
+    return last_.child_[triangle_[owner]].first + c - part_.first_child[owner];
+  }
+
+  /// Triangle i of the part.
+  void write(Index i) {
+    GeometricMesh& out = last_.geometric_;
+    const Index t = triangle_[i];
+    for (Index k = 0; k < part_vertices(i); ++k) {
+      const Index fresh = part_.first_vertex[i] + k, source = Index(vertex_.size()) + fresh;
+      const Index row = last_.fresh_[t].first + k;
+      const auto [a, b] = part_.geometric.parent_edge[source];
+      out.mesh.vertices.position[row] = part_mesh().position(source);
+      out.normal[row] = part_.geometric.normal[source];
+      out.parent_edge[row] = {new_row(a), new_row(b)};
+      last_.birth_[row] = part_.birth[fresh];
+    }
+    for (Index c = part_.first_child[i]; c < part_.first_child[i + 1]; ++c) {
+      const Index row = new_child_row(c);
+      out.parent_triangle[row] = t;
+      for (Index h = 0; h < 3; ++h) {
+        const Index v = part_mesh().vertex[3 * c + h], twin = part_mesh().twin[3 * c + h];
+        out.mesh.vertex[3 * row + h] = new_row(v);
+        out.mesh.twin[3 * row + h] = 3 * new_child_row(twin / 3) + twin % 3;
       }
     }
-    std::sort(perhaps.begin(), perhaps.end());
-    perhaps.erase(std::unique(perhaps.begin(), perhaps.end()), perhaps.end());
-    std::erase_if(perhaps, [&](Index v) { return out.normal[v] != Vec3(0.0f); });
-    if (!perhaps.empty()) replace_zero_normals(out);
-    last_.without_normal_ = std::move(perhaps);
-  }
-
-  /// Boxes of the children that came and went; sets new_triangle_.
-  void list_changes(const Refinement& next) {
-    std::vector<Box>& boxes = last_.changed_.emplace();
-    new_triangle_.assign(last_.vertex_.size() / 3, kNone);
-    for (Index t = 0; t < old_triangle_.size(); ++t) {
-      if (old_triangle_[t] != kNone) new_triangle_[old_triangle_[t]] = t;
-      if (distance_[t] <= rings_ - 2) boxes.push_back(children_box(next, t));
-    }
-    for (Index o = 0; o < new_triangle_.size(); ++o)
-      if (new_triangle_[o] == kNone || distance_[new_triangle_[o]] <= rings_ - 2)
-        boxes.push_back(children_box(old_, o));
   }
 
   void list_strays() {
@@ -403,7 +437,6 @@ private:
   static constexpr std::uint8_t kFar = 255;
 
   RefinedSkin& last_;
-  const Refinement& old_;
   const TriangleMesh& skin_;
   Backend& backend_;
   const RefinedSkinOptions& options_;
@@ -431,37 +464,54 @@ void RefinedSkin::find_strays(const Refinement& refined, Index at, Index triangl
 
 void RefinedSkin::update(const TriangleMesh& skin, const FieldChanges* changes, Backend& backend,
                          const RefinedSkinOptions& options) {
-  if (!lifted_.empty()) refined_.geometric.mesh.vertices.position = std::exchange(lifted_, {});
-  const bool goes_on = changes && !changes->everywhere && !changes->rounded_anew && !refined_.first_child.empty() &&
+  if (!lifted_.empty()) {
+    geometric_.mesh.vertices.position = std::exchange(lifted_, {});
+    shape_.clear();
+  }
+  const bool goes_on = changes && !changes->everywhere && !changes->rounded_anew && !child_.empty() &&
                        std::isfinite(options.project.reach);
   if (!goes_on || !Update(*this, skin, backend, options).run(*changes)) refine_whole(skin, backend, options);
+  remember(skin);
+}
+
+void RefinedSkin::remember(const TriangleMesh& skin) {
+  skin_.rest = skin.vertices.rest;
+  skin_.velocity = skin.vertices.velocity;
+  skin_.id = skin.vertices.id;
+  skin_.age = skin.vertices.age;
+  skin_next_id_ = skin.next_id;
+  vertex_ = skin.vertex;
 }
 
 void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const RefinedSkinOptions& options) {
   Refiner refiner(skin, backend, options.refine, options.project);
   while (refiner.report().passes < options.refine.passes && refiner.pass()) {
   }
-  refined_ = refiner.finish();
-  vertex_ = skin.vertex;
+  Refinement refined = refiner.finish();
   stray_.clear();
-  for (Index t = 0; t < skin.triangle_count(); ++t) find_strays(refined_, t, t, options, stray_);
-  refined_.centroid = {};
-  const std::vector<Vec3>& normal = refined_.geometric.normal;
-  without_normal_ = indices_where(normal.size(), [&](Index v) { return normal[v] == Vec3(0.0f); });
-  if (!without_normal_.empty()) replace_zero_normals(refined_.geometric);
+  for (Index t = 0; t < skin.triangle_count(); ++t) find_strays(refined, t, t, options, stray_);
+  const Index corners = Index(skin.vertex_count());
+  child_.resize(skin.triangle_count());
+  fresh_.resize(skin.triangle_count());
+  for (Index t = 0; t < skin.triangle_count(); ++t) {
+    child_[t] = {refined.first_child[t], refined.first_child[t + 1] - refined.first_child[t]};
+    fresh_[t] = {corners + refined.first_vertex[t], refined.first_vertex[t + 1] - refined.first_vertex[t]};
+  }
+  corner_.resize(corners);
+  std::iota(corner_.begin(), corner_.end(), Index{0});
+  birth_.assign(corners, {});
+  birth_.insert(birth_.end(), refined.birth.begin(), refined.birth.end());
+  geometric_ = std::move(refined.geometric);
+  triangles_ = geometric_.mesh.triangle_count();
+  bounds_.resize(skin.triangle_count());
+  for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = bounds(Index(t)); });
+  free_children_ = free_vertices_ = {};
+  shape_.clear();
+  without_normal_.clear();
+  ordered_ = carried_ = true;
+  normals_replaced_ = false;
   changed_.reset();
   refined_triangles_ = skin.triangle_count();
-}
-
-std::vector<Vec3> RefinedSkin::strays() const {
-  std::vector<Vec3> points;
-  for (const Stray& stray : stray_) points.push_back(stray.point);
-  return points;
-}
-
-void RefinedSkin::flatten(const std::vector<Vec3>& bad, float radius) {
-  if (lifted_.empty()) lifted_ = refined_.geometric.mesh.vertices.position;
-  isoskin::flatten(refined_.geometric, bad, radius);
 }
 
 }  // namespace isoskin

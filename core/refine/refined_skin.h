@@ -1,12 +1,16 @@
 // A refined mesh that goes on from frame to frame: only what may come out otherwise than last time is refined again.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <optional>
 #include <vector>
 
 #include "core/backend.h"
 #include "core/field/field_changes.h"
 #include "core/refine/refine.h"
+#include "core/refine/row_pool.h"
+#include "core/refine/shape_tally.h"
 
 namespace isoskin {
 
@@ -32,7 +36,15 @@ public:
   void update(const TriangleMesh& skin, const FieldChanges* changes, Backend& backend,
               const RefinedSkinOptions& options);
 
-  const GeometricMesh& mesh() const { return refined_.geometric; }
+  /// Put in order when asked for after an update, which takes as long as a copy; the reference stays. Until then what
+  /// has changed lies where there was room for it.
+  const GeometricMesh& mesh() const;
+  std::size_t triangle_count() const { return triangles_; }
+  /// Of mesh(), without putting it in order; its p1_angle is a multiple of ShapeTally::kStep.
+  ShapeStatistics statistics() const;
+  /// The triangles of those of the skin whose triangles are reached together, each with corners of its own.
+  template <class Reaches>
+  TriangleMesh triangles_where(const Reaches& reaches) const;
   /// Centroids of `mesh` off the surface, in order of triangles.
   std::vector<Vec3> strays() const;
   /// Where the last update() changed the mesh; none: anywhere.
@@ -49,18 +61,58 @@ private:
     Index triangle, child;  // of the skin, and which of its children
     Vec3 point;
   };
+  struct Bounds {
+    Vec3 low{std::numeric_limits<float>::infinity()}, high{-std::numeric_limits<float>::infinity()};
+    Box box() const { return {DVec3(low), DVec3(high)}; }
+  };
 
   void refine_whole(const TriangleMesh& skin, Backend& backend, const RefinedSkinOptions& options);
   static void find_strays(const Refinement& refined, Index at, Index triangle, const RefinedSkinOptions& options,
                           std::vector<Stray>& found);
+  void remember(const TriangleMesh& skin);
+  bool is_new(Index row) const { return birth_[row].pass != 0; }
+  const Vec3& position(Index row) const { return geometric_.mesh.vertices.position[row]; }
+  std::array<Vec3, 3> corners(Index child) const;
+  Bounds bounds(Index triangle) const;
+  void count(Index triangle, int times) const;
+  void put_in_order() const;
+  void carry_attributes() const;
+  void replace_normals() const;
 
-  Refinement refined_;                 // without centroids
-  std::vector<Index> vertex_;          // of the skin: 3 a triangle
-  std::vector<Stray> stray_;           // in order
-  std::vector<Index> without_normal_;  // vertices where the gradient vanishes
-  std::vector<Vec3> lifted_;           // positions before they were flattened, empty when they were not
+  // What mesh() shows; until it is asked for with rows in any order and gaps between them, and without attributes.
+  mutable GeometricMesh geometric_;
+  mutable std::vector<Birth> birth_;         // per row of vertices, pass 0: the skin's
+  mutable std::vector<Rows> child_, fresh_;  // per triangle of the skin: its children and the new vertices it owns
+  mutable std::vector<Index> corner_;        // per vertex of the skin: its row
+  mutable RowPool free_children_, free_vertices_;
+  mutable bool ordered_ = true, carried_ = true, normals_replaced_ = true;
+  mutable std::vector<Index> without_normal_;  // rows where the gradient vanishes, once their normals are replaced
+  mutable ShapeTally tally_;
+  mutable std::vector<ShapeTally::Part> shape_;  // per triangle of the skin, of its children; empty until asked for
+
+  VertexTable skin_;  // its vertices, without positions
+  Index skin_next_id_ = 0;
+  std::vector<Index> vertex_;   // of the skin: 3 a triangle
+  std::vector<Bounds> bounds_;  // per triangle of the skin: of its children
+  std::size_t triangles_ = 0;   // of mesh()
+  std::vector<Stray> stray_;    // in order
+  std::vector<Vec3> lifted_;    // positions before they were flattened, empty when they were not
   std::optional<std::vector<Box>> changed_;
   std::size_t refined_triangles_ = 0;
 };
+
+template <class Reaches>
+TriangleMesh RefinedSkin::triangles_where(const Reaches& reaches) const {
+  TriangleMesh out;
+  for (Index t = 0; t < bounds_.size(); ++t) {
+    if (!reaches(bounds_[t].box())) continue;
+    for (Index c = child_[t].first; c < child_[t].first + child_[t].count; ++c)
+      for (const Vec3& p : corners(c)) {
+        out.vertex.push_back(Index(out.vertex.size()));
+        out.vertices.position.push_back(p);
+      }
+  }
+  return out;
+}
 
 }  // namespace isoskin

@@ -8,7 +8,6 @@
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
-#include "core/refine/refined_skin.h"
 #include "core/topology/columns.h"
 
 namespace isoskin {
@@ -75,12 +74,6 @@ private:
   Box reach_;  // in x and y at least what the marked columns hold
 };
 
-Box box_of(const TriangleMesh& mesh, Index triangle) {
-  Box box;
-  for (Index h = 3 * triangle; h < 3 * triangle + 3; ++h) box.add(DVec3(mesh.position(mesh.vertex[h])));
-  return box;
-}
-
 /// The triangles that the columns meet, and the columns' bricks.
 struct Section {
   TriangleMesh mesh;
@@ -89,16 +82,10 @@ struct Section {
   std::vector<BrickSigns> signs;
 };
 
-Section section(const TriangleMesh& mesh, const BrickLattice& lattice, const LatticeTopology& topology,
+Section section(const RefinedSkin& skin, const BrickLattice& lattice, const LatticeTopology& topology,
                 const ColumnMask& columns) {
   Section out;
-  const std::vector<Index> triangles =
-      indices_where(mesh.triangle_count(), [&](Index t) { return columns.reaches(box_of(mesh, t)); });
-  for (const Index t : triangles)
-    for (Index h = 3 * t; h < 3 * t + 3; ++h) {
-      out.mesh.vertex.push_back(Index(out.mesh.vertex.size()));
-      out.mesh.vertices.position.push_back(mesh.position(mesh.vertex[h]));
-    }
+  out.mesh = skin.triangles_where([&](const Box& box) { return columns.reaches(box); });
   out.lattice.origin = lattice.origin;
   out.lattice.spacing = lattice.spacing;
   out.brick = indices_where(lattice.brick_count(), [&](Index b) { return columns.marked(lattice.coordinate[b]); });
@@ -111,12 +98,19 @@ Section section(const TriangleMesh& mesh, const BrickLattice& lattice, const Lat
 
 }  // namespace
 
-void WrongCorners::update(const TriangleMesh& mesh, const std::optional<std::vector<Box>>& changed, const Field& field,
-                          const FieldChanges* changes, const BrickLattice& lattice, const LatticeTopology& topology,
-                          double least) {
+void WrongCorners::look(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
+                        const LatticeTopology& topology, double least) {
+  corner_ = find(differing_rows(mesh, lattice, topology.signs), field, lattice, least);
+  known_ = true;
+}
+
+void WrongCorners::update(const RefinedSkin& skin, const Field& field, const FieldChanges* changes,
+                          const BrickLattice& lattice, const LatticeTopology& topology, double least) {
+  const auto& changed = skin.changed();
   const bool still = changes && !changes->everywhere && !changes->rounded_anew && changes->box.empty();
   const bool goes_on = known_ && changed && changes && !changes->everywhere && !changes->rounded_anew &&
                        (still || lattice.same_as.size() == lattice.brick_count());
+  if (goes_on && still && changed->empty()) return;
   ColumnMask columns(lattice);
   if (goes_on) {
     for (const Box& box : *changed) columns.mark(box);
@@ -125,13 +119,8 @@ void WrongCorners::update(const TriangleMesh& mesh, const std::optional<std::vec
       if (lattice.same_as[b] == kNone || mask.overlaps(lattice.box(lattice.coordinate[b])))
         columns.mark(lattice.coordinate[b]);
   }
-  known_ = true;
-  if (!goes_on || columns.share() > kMostAnew) {
-    const std::vector<DifferingRow> rows = differing_rows(mesh, lattice, topology.signs);
-    corner_ = find(rows, field, lattice, least);
-    return;
-  }
-  const Section part = section(mesh, lattice, topology, columns);
+  if (!goes_on || columns.share() > kMostAnew) return look(skin.mesh().mesh, field, lattice, topology, least);
+  const Section part = section(skin, lattice, topology, columns);
   std::vector<DifferingRow> rows = differing_rows(part.mesh, part.lattice, part.signs);
   for (DifferingRow& row : rows) row.brick = part.brick[row.brick];
   const std::vector<Corner> fresh = find(rows, field, lattice, least);

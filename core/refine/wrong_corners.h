@@ -1,11 +1,11 @@
 // Lattice corners that the refined mesh has on the wrong side: what it does not show, or shows too much of.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "core/field/field.h"
 #include "core/field/field_changes.h"
+#include "core/refine/refined_skin.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/columns.h"
@@ -16,11 +16,14 @@ namespace isoskin {
 /// frame: only lattice columns in which mesh, field or lattice have changed are looked at again.
 class WrongCorners {
 public:
-  /// `changed`: where the mesh differs from the last call's; none: anywhere. `changes`: of the field since then; null:
-  /// anything. Then `lattice` is the last call's or resample_lattice() made it from that. `least`: the same in all
-  /// calls. What comes of it depends on neither earlier calls nor what has changed.
-  void update(const TriangleMesh& mesh, const std::optional<std::vector<Box>>& changed, const Field& field,
-              const FieldChanges* changes, const BrickLattice& lattice, const LatticeTopology& topology, double least);
+  /// All of a mesh. `least`: the same in all calls.
+  void look(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice, const LatticeTopology& topology,
+            double least);
+  /// Of a mesh that may differ from the last call's where skin.changed() tells. `changes`: of the field since then;
+  /// null: anything. Then `lattice` is the last call's or resample_lattice() made it from that. What comes of it
+  /// depends on neither earlier calls nor what has changed.
+  void update(const RefinedSkin& skin, const Field& field, const FieldChanges* changes, const BrickLattice& lattice,
+              const LatticeTopology& topology, double least);
 
   /// Those farther from the surface, in order of the lattice's bricks.
   std::vector<Vec3> farther_than(double distance) const;

@@ -1,0 +1,146 @@
+// What a refined skin shows of itself.
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "core/mesh/independent_edits.h"
+#include "core/parallel.h"
+#include "core/refine/refined_skin.h"
+#include "core/trace.h"
+
+namespace isoskin {
+
+const GeometricMesh& RefinedSkin::mesh() const {
+  if (!ordered_) put_in_order();
+  if (!carried_) carry_attributes();
+  if (!normals_replaced_) replace_normals();
+  return geometric_;
+}
+
+void RefinedSkin::put_in_order() const {
+  const Span span("put in order");
+  const std::size_t triangles = child_.size(), corners = corner_.size();
+  std::vector<Rows> child(triangles), fresh(triangles);
+  Index children = 0, all = Index(corners);
+  for (std::size_t t = 0; t < triangles; ++t) {
+    child[t] = {std::exchange(children, children + child_[t].count), child_[t].count};
+    fresh[t] = {std::exchange(all, all + fresh_[t].count), fresh_[t].count};
+  }
+  std::vector<Index> vertex_at(birth_.size(), kNone), child_at(geometric_.parent_triangle.size(), kNone);
+  for_each_index(corners, [&](std::size_t v) { vertex_at[corner_[v]] = Index(v); });
+  for_each_index(triangles, [&](std::size_t t) {
+    for (Index k = 0; k < fresh[t].count; ++k) vertex_at[fresh_[t].first + k] = fresh[t].first + k;
+    for (Index k = 0; k < child[t].count; ++k) child_at[child_[t].first + k] = child[t].first + k;
+  });
+  GeometricMesh out;
+  std::vector<Birth> birth(all);
+  out.mesh.vertex.resize(3 * std::size_t(children));
+  out.mesh.twin.resize(3 * std::size_t(children));
+  out.parent_triangle.resize(children);
+  out.normal.resize(all);
+  out.parent_edge.resize(all);
+  out.mesh.vertices.resize(all);
+  const auto move_vertex = [&](Index to, Index from) {
+    const auto [a, b] = geometric_.parent_edge[from];
+    out.mesh.vertices.position[to] = position(from);
+    out.normal[to] = geometric_.normal[from];
+    out.parent_edge[to] = {vertex_at[a], vertex_at[b]};
+    birth[to] = birth_[from];
+  };
+  for_each_index(corners, [&](std::size_t v) { move_vertex(Index(v), corner_[v]); });
+  for_each_index(triangles, [&](std::size_t t) {
+    for (Index k = 0; k < fresh[t].count; ++k) move_vertex(fresh[t].first + k, fresh_[t].first + k);
+    for (Index k = 0; k < child[t].count; ++k) {
+      const Index to = child[t].first + k, from = child_[t].first + k;
+      out.parent_triangle[to] = Index(t);
+      for (Index h = 0; h < 3; ++h) {
+        const Index twin = geometric_.mesh.twin[3 * from + h];
+        out.mesh.vertex[3 * to + h] = vertex_at[geometric_.mesh.vertex[3 * from + h]];
+        out.mesh.twin[3 * to + h] = 3 * child_at[twin / 3] + twin % 3;
+      }
+    }
+  });
+  geometric_ = std::move(out);
+  birth_ = std::move(birth);
+  child_ = std::move(child);
+  fresh_ = std::move(fresh);
+  std::iota(corner_.begin(), corner_.end(), Index{0});
+  free_children_ = free_vertices_ = {};
+  without_normal_.clear();
+  ordered_ = true;
+}
+
+void RefinedSkin::carry_attributes() const {
+  const Span span("carry");
+  const std::size_t corners = corner_.size();
+  VertexTable& table = geometric_.mesh.vertices;
+  std::copy(skin_.rest.begin(), skin_.rest.end(), table.rest.begin());
+  std::copy(skin_.velocity.begin(), skin_.velocity.end(), table.velocity.begin());
+  std::copy(skin_.age.begin(), skin_.age.end(), table.age.begin());
+  std::copy(skin_.id.begin(), skin_.id.end(), table.id.begin());
+  for (std::size_t v = corners; v < table.size(); ++v) {
+    const auto [a, b] = geometric_.parent_edge[v];
+    table.rest[v] = 0.5f * (table.rest[a] + table.rest[b]);
+    table.velocity[v] = 0.5f * (table.velocity[a] + table.velocity[b]);
+    table.age[v] = std::min(table.age[a], table.age[b]);
+  }
+  std::iota(table.id.begin() + std::ptrdiff_t(corners), table.id.end(), skin_next_id_);
+  geometric_.mesh.next_id = skin_next_id_ + Index(table.size() - corners);
+  carried_ = true;
+}
+
+void RefinedSkin::replace_normals() const {
+  const std::vector<Vec3>& normal = geometric_.normal;
+  without_normal_ = indices_where(normal.size(), [&](Index v) { return normal[v] == Vec3(0.0f); });
+  if (!without_normal_.empty()) replace_zero_normals(geometric_);
+  normals_replaced_ = true;
+}
+
+std::array<Vec3, 3> RefinedSkin::corners(Index child) const {
+  const Index* v = &geometric_.mesh.vertex[3 * child];
+  return {position(v[0]), position(v[1]), position(v[2])};
+}
+
+RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
+  Bounds bounds;
+  const Rows child = child_[triangle];
+  for (Index h = 3 * child.first; h < 3 * (child.first + child.count); ++h) {
+    const Vec3& p = position(geometric_.mesh.vertex[h]);
+    bounds.low = glm::min(bounds.low, p);
+    bounds.high = glm::max(bounds.high, p);
+  }
+  return bounds;
+}
+
+void RefinedSkin::count(Index triangle, int times) const {
+  if (shape_.empty() || (times < 0 && shape_[triangle].triangles == 0)) return;
+  const Rows child = child_[triangle];
+  shape_[triangle] = tally_.count(
+      child.first, child.first + child.count, [&](Index c) { return corners(c); }, times);
+}
+
+ShapeStatistics RefinedSkin::statistics() const {
+  if (shape_.empty()) {
+    shape_.resize(child_.size());
+    tally_ = {};
+  }
+  for_each_index(shape_.size(), [&](std::size_t t) {
+    if (shape_[t].triangles == 0) count(Index(t), 1);
+  });
+  return tally_.statistics(shape_);
+}
+
+std::vector<Vec3> RefinedSkin::strays() const {
+  std::vector<Vec3> points;
+  for (const Stray& stray : stray_) points.push_back(stray.point);
+  return points;
+}
+
+void RefinedSkin::flatten(const std::vector<Vec3>& bad, float radius) {
+  mesh();
+  if (lifted_.empty()) lifted_ = geometric_.mesh.vertices.position;
+  isoskin::flatten(geometric_, bad, radius);
+  shape_.clear();
+}
+
+}  // namespace isoskin
