@@ -13,6 +13,9 @@
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/parallel.h"
+#include "core/sampling/grid_lattice.h"
+#include "core/sampling/plain_grid.h"
+#include "core/sampling/sampling_steps.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
 #include "core/topology/crumples.h"
@@ -404,10 +407,20 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   const bool goes_on = started_ && lattice_field_ == last_field_;
   lattice_field_ = nullptr;
   if (!has_critical_points(*frame.field)) last_field_ = nullptr;  // a grid is large, and changes_ says what is needed
-  evidence.lattice = goes_on ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
-                             : sample_lattice(*frame.field, *backend_, options_.lattice_spacing);
+  const double spacing = lattice_spacing(*frame.field);
+  const bool same_spacing = std::abs(before_.lattice.spacing - spacing) < 0.25 * spacing;
+  evidence.lattice = goes_on && same_spacing
+                         ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
+                         : sampling::sample_anew(std::move(before_.lattice), *frame.field, *backend_, spacing);
   evidence.topology = lattice_topology(evidence.lattice, std::move(before_.topology));
   return evidence;
+}
+
+/// Half voxels, but whole ones where those show all that there is.
+double Tracker::lattice_spacing(const Field& field) const {
+  const auto* grid = dynamic_cast<const GridField*>(&field);
+  const bool halves = grid && grid_parts(*grid->grid(), options_.lattice_spacing) == 2;
+  return halves && is_plain(*grid->grid()) ? grid->resolution() : options_.lattice_spacing;
 }
 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {

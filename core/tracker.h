@@ -40,8 +40,9 @@ struct ReskinTry {
 };
 
 struct TrackOptions {
-  double edge_length = 0.0;       // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
-  double lattice_spacing = 0.0;   // s of the certificate; 0: half a voxel, or e / 2
+  double edge_length = 0.0;  // e, world units; 0: 1.5 voxels, or 1/60 of the diagonal of the first frame's bounds
+  double lattice_spacing =
+      0.0;  // s of the certificate; 0: half a voxel (a whole one in frames in which is_plain()), or e / 2
   double tolerance = 0.0;         // corners farther than this must be on the right side; 0: one voxel, or e / 2
   std::optional<double> sagitta;  // of the geometric mesh, world units, 0: by angle alone; none: 0.04 voxels or
                                   // 0.0027 e at 18 degrees, else as the square of the angle
@@ -175,6 +176,7 @@ private:
   Operated operated_on(const EventPlan& plan, FrameReport& report);
   void take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
   Evidence sample(const FieldFrame& frame, FrameReport& report);
+  double lattice_spacing(const Field& field) const;
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,

@@ -1,5 +1,6 @@
 #include "core/sampling/brick_lattice.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <random>
@@ -12,6 +13,7 @@
 #include "core/field/grid_field.h"
 #include "core/field/skeleton_field.h"
 #include "core/sampling/marching_cubes.h"
+#include "core/sampling/plain_grid.h"
 #include "sanitized.h"
 
 using namespace isoskin;
@@ -83,14 +85,8 @@ void expect_values(const BrickLattice& lattice, const Field& field, double toler
     }
 }
 
-/// Blobs cut off at three voxels, as level sets are; one of them moved aside, and noise added to all values.
-std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed, int blocks = 4,
-                                     const DVec3& moved = DVec3(0.0), double noise = 0.0) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(6.0, 8.0 * blocks - 6.0), radius(0.8, 5.0);
-  std::vector<std::pair<DVec3, double>> balls;
-  for (int i = 0; i < 12; ++i) balls.emplace_back(DVec3(place(random), place(random), place(random)), radius(random));
-  balls.front().first += moved;
+/// Values of `f` by voxel in blocks^3 blocks, cut off at three, as level sets are; -3 outside.
+std::shared_ptr<GridField> grid_of(Interpolation interpolation, int blocks, const auto& f) {
   BlockValues values;
   values.low = IVec3(-2, 1, 0);
   values.size = IVec3(blocks);
@@ -99,18 +95,28 @@ std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed,
   for (int b = 0; b < blocks * blocks * blocks; ++b) {
     const IVec3 block(b / (blocks * blocks), b / blocks % blocks, b % blocks);
     std::vector<float> v(512);
-    for (int i = 0; i < 512; ++i) {
-      const DVec3 p(8 * block + IVec3(i / 64, i / 8 % 8, i % 8));
-      double best = -3.0;
-      for (const auto& [c, r] : balls) best = std::max(best, r - glm::length(p - c));
-      v[i] = float(std::min(best + noise * std::sin(7.1 * p.x + 12.3 * p.y * p.z), 3.0));
-    }
+    for (int i = 0; i < 512; ++i) v[i] = float(std::min(f(DVec3(8 * block + IVec3(i / 64, i / 8 % 8, i % 8))), 3.0));
     storage.push_back(std::move(v));
   }
   for (const auto& v : storage) values.values.push_back(v.data());
   values.constant.assign(storage.size(), -3.0f);
   auto grid = std::make_shared<BrickGrid>(build_bricks(values, DVec3(0.3, -0.2, 0.1), 0.125, interpolation));
   return std::make_shared<GridField>(std::move(grid));
+}
+
+/// Blobs; one of them moved aside, and noise added to all values.
+std::shared_ptr<GridField> make_grid(Interpolation interpolation, unsigned seed, int blocks = 4,
+                                     const DVec3& moved = DVec3(0.0), double noise = 0.0) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> place(6.0, 8.0 * blocks - 6.0), radius(0.8, 5.0);
+  std::vector<std::pair<DVec3, double>> balls;
+  for (int i = 0; i < 12; ++i) balls.emplace_back(DVec3(place(random), place(random), place(random)), radius(random));
+  balls.front().first += moved;
+  return grid_of(interpolation, blocks, [&](const DVec3& p) {
+    double best = -3.0;
+    for (const auto& [c, r] : balls) best = std::max(best, r - glm::length(p - c));
+    return best + noise * std::sin(7.1 * p.x + 12.3 * p.y * p.z);
+  });
 }
 
 struct Host {
@@ -276,6 +282,53 @@ TEST(BrickLattice, AbsurdSpacingsAreRefused) {
 TEST(BrickLattice, AnOpenSurfaceIsRefused) {
   Host host;
   EXPECT_THROW(host.sample(std::make_shared<analytic::PlaneField>(DVec3(0, 0, 1)), 0.1), InputError);
+}
+
+TEST(PlainGrid, WholeVoxelsShowAllOfIt) {
+  Host host;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> radius(3.0, 7.0), unit(-1.0, 1.0);
+  int plain = 0, rough = 0;
+  for (int i = 0; i < test::repeats(40, 12); ++i) {
+    const DVec3 way = glm::normalize(DVec3(unit(random), unit(random), unit(random)));
+    const double r = radius(random), s = radius(random), gap = 3.0 * unit(random);  // they overlap, touch or do not
+    const DVec3 a = DVec3(20.0) - 0.5 * (r + s + gap) * way, b = a + (r + s + gap) * way;
+    const auto field = grid_of(Interpolation::cubic, 5, [&](const DVec3& p) {
+      return std::max({r - glm::distance(p, a), s - glm::distance(p, b), -3.0});
+    });
+    if (!is_plain(*field->grid())) {
+      ++rough;
+      continue;
+    }
+    ++plain;
+    const LatticeTopology whole = lattice_topology(host.sample(field, field->grid()->h)),
+                          fine = lattice_topology(host.sample(field, field->grid()->h / 4.0));
+    EXPECT_EQ(whole.euler, fine.euler) << "gap of " << gap << " voxels";
+  }
+  EXPECT_GE(plain, 1);
+  EXPECT_GE(rough, 1);
+}
+
+TEST(PlainGrid, SheetsAndSlitsOfAVoxelAreNot) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  for (int i = 0; i < test::repeats(20, 4); ++i) {
+    const DVec3 normal = glm::normalize(DVec3(unit(random), unit(random), unit(random)));
+    const auto sheet = [&](double half) {
+      return [=](const DVec3& p) {
+        const DVec3 q = p - DVec3(16.3, 15.8, 16.1);
+        return std::max(std::min(half - std::abs(glm::dot(q, normal)), 9.0 - glm::length(q)), -3.0);
+      };
+    };
+    EXPECT_FALSE(is_plain(*grid_of(Interpolation::cubic, 4, sheet(0.5))->grid()));
+    const auto slit = [&](const DVec3& p) {
+      return std::max(std::min(-sheet(0.5)(p), 12.0 - glm::distance(p, DVec3(16.0))), -3.0);
+    };
+    EXPECT_FALSE(is_plain(*grid_of(Interpolation::cubic, 4, slit)->grid()));
+    const auto ball = [&](const DVec3& p) { return std::max(8.0 - glm::distance(p, DVec3(16.0) + normal), -3.0); };
+    EXPECT_TRUE(is_plain(*grid_of(Interpolation::cubic, 4, ball)->grid()));
+    EXPECT_FALSE(is_plain(*grid_of(Interpolation::linear, 4, ball)->grid()));
+  }
 }
 
 TEST(BrickLattice, CrosswiseFacesAreJoinedWhereTheFieldIsInside) {

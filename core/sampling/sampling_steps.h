@@ -40,7 +40,7 @@ void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& brick
 
 /// What sample_lattice() returns, in the memory of `used`, which may be any lattice.
 BrickLattice sample_anew(BrickLattice used, const Field& field, Backend& backend, double spacing,
-                         std::size_t max_bricks);
+                         std::size_t max_bricks = 8u << 20);
 
 /// Bricks that must be there because a lattice edge on the boundary of one of `bricks` changes sign, but are not.
 /// Sorted. `signs`: one a brick, right at least for `bricks`.
