@@ -284,7 +284,10 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
   Step step(report, "predict");
-  grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
+  // What has fallen asleep in this frame has moved since this was last looked at.
+  SleepOptions longer = options_.sleep;
+  ++longer.rest_frames;
+  grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length, sleeping(mesh_.vertices, longer));
 }
 
 /// On grids collisions save a fifth of what local re-skins replace and take longer than that saves (perf/results.md).
@@ -328,8 +331,8 @@ void Tracker::relax(FrameReport& report) {
   for (int round = 0; round < options_.rounds; ++round) {
     {
       Step step(report, "alter");
-      std::vector<std::uint8_t> left_alone = held_vertices();
       const std::vector<std::uint8_t> asleep = sleeping(mesh_.vertices, options_.sleep);
+      std::vector<std::uint8_t> left_alone = held_vertices(asleep, open_triangles(mesh_, asleep));
       for (std::size_t v = 0; v < asleep.size(); ++v) left_alone[v] |= asleep[v];
       alter(mesh_, options_.alter, relaxed.inverted, left_alone);
     }
@@ -344,8 +347,9 @@ void Tracker::relax(FrameReport& report) {
 /// What is not right yet does not fall asleep.
 void Tracker::keep_awake(const Relaxed& relaxed) {
   const auto disturb = [&](Index v) { mesh_.vertices.age[v] = std::min<Index>(mesh_.vertices.age[v], 1); };
-  for (Index h = 0; h < mesh_.vertex.size(); ++h)
-    if (relaxed.inverted[h / 3]) disturb(mesh_.vertex[h]);
+  for (Index t = 0; t < mesh_.triangle_count(); ++t)
+    if (relaxed.inverted[t])
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) disturb(mesh_.vertex[h]);
   for (Index v = 0; v < mesh_.vertex_count(); ++v)
     if (relaxed.quasi_critical[v]) disturb(v);
 }
@@ -354,7 +358,7 @@ void Tracker::keep_awake(const Relaxed& relaxed) {
 Tracker::Relaxed Tracker::relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how) {
   if (frozen.empty()) return relax_whole(how);
   const OpenPart open = open_part(mesh_, frozen);
-  const std::vector<std::uint8_t> held = held_vertices();
+  const std::vector<std::uint8_t> held = held_vertices(frozen, open.triangle);
   std::vector<std::uint8_t> pinned, inverted(open.triangle.size());
   for (const Index v : open.vertex) pinned.push_back(frozen[v] | held[v]);
   Relaxed relaxed{std::vector<std::uint8_t>(mesh_.triangle_count()), std::vector<std::uint8_t>(mesh_.vertex_count())};
@@ -375,7 +379,7 @@ Tracker::Relaxed Tracker::relax_but(const std::vector<std::uint8_t>& frozen, con
 }
 
 Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
-  backend_->set_mesh(mesh_, held_vertices());
+  backend_->set_mesh(mesh_, held_vertices({}, open_triangles(mesh_, {})));
   backend_->relax(how, options_.project);
   const auto positions = backend_->positions();
   const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
@@ -387,11 +391,13 @@ Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
   return relaxed;
 }
 
-/// One byte a vertex: 1 where it is only projected, since elements of edge e do not fit.
-std::vector<std::uint8_t> Tracker::held_vertices() const {
+/// One byte a vertex: 1 where it is only projected, since elements of edge e do not fit. Only what is not frozen, and
+/// so in the open triangles, is asked for.
+std::vector<std::uint8_t> Tracker::held_vertices(const std::vector<std::uint8_t>& frozen,
+                                                 const std::vector<Index>& open) const {
   std::vector<std::uint8_t> held(mesh_.vertex_count());
-  for (const Index v : small_piece_vertices(mesh_)) held[v] = 1;
-  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin_options())) held[v] = 1;
+  for (const Index v : small_piece_vertices(mesh_, open)) held[v] = 1;
+  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin_options(), frozen)) held[v] = 1;
   return held;
 }
 

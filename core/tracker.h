@@ -184,7 +184,8 @@ private:
   void relax(FrameReport& report);
   Relaxed relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how);
   Relaxed relax_whole(const RelaxOptions& how);
-  std::vector<std::uint8_t> held_vertices() const;
+  std::vector<std::uint8_t> held_vertices(const std::vector<std::uint8_t>& frozen,
+                                          const std::vector<Index>& open) const;
   ThinOptions thin_options() const;
   ThinMotion thin_motion(const Field& field) const;
   void keep_awake(const Relaxed& relaxed);

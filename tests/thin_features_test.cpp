@@ -76,6 +76,8 @@ TEST(SmallPieces, are_octahedra_and_less) {
   std::vector<Index> wanted(mesh.vertex_count() - first);
   for (std::size_t i = 0; i < wanted.size(); ++i) wanted[i] = first + Index(i);
   EXPECT_EQ(small_piece_vertices(mesh), wanted);
+  EXPECT_EQ(small_piece_vertices(mesh, {3, first_halfedge / 3 + 5}),
+            std::vector<Index>(wanted.begin(), wanted.begin() + 6));
   EXPECT_FALSE(is_small_piece(mesh, 5));
   EXPECT_TRUE(is_small_piece(mesh, first_halfedge + 7));
 }

@@ -5,6 +5,7 @@
 
 #include "core/mesh/edit.h"
 #include "core/mesh/independent_edits.h"
+#include "core/mesh/mesh_part.h"
 #include "core/mesh/one_ring.h"
 #include "core/mesh/small_pieces.h"
 #include "core/parallel.h"
@@ -27,6 +28,39 @@ constexpr float kLeastGain = 0.05f;     // a flip must pay, or rounding would fl
 float squared(const Vec3& v) {
   return glm::dot(v, v);
 }
+
+/// The triangles that edits may touch: all, or those with a vertex that is not frozen and what is added to the mesh.
+class OpenTriangles {
+public:
+  OpenTriangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen)
+      : mesh_(mesh), all_(frozen.empty()), known_(Index(mesh.triangle_count())) {
+    if (!all_) triangles_ = open_triangles(mesh, frozen);
+  }
+
+  bool none() const { return all_ ? mesh_.empty() : triangles_.empty(); }
+  template <class Edit>
+  std::vector<Index> wanted(const Edit& edit) {
+    add_new();
+    return all_ ? wanted_edges(mesh_, edit) : wanted_edges(mesh_, edit, triangles_);
+  }
+  /// visit(t), in parallel.
+  template <class Visit>
+  void for_each(const Visit& visit) {
+    add_new();
+    for_each_index(all_ ? mesh_.triangle_count() : triangles_.size(),
+                   [&](std::size_t i) { visit(all_ ? Index(i) : triangles_[i]); });
+  }
+
+private:
+  void add_new() {
+    for (; !all_ && known_ < mesh_.triangle_count(); ++known_) triangles_.push_back(known_);
+  }
+
+  const TriangleMesh& mesh_;
+  const bool all_;
+  Index known_;
+  std::vector<Index> triangles_;
+};
 
 /// What splits and collapses ask about an edge.
 struct EdgeState {
@@ -201,15 +235,16 @@ private:
 /// Flips conflict when their quads share a vertex: so valences are right, and no edge is made twice.
 class Flips {
 public:
-  Flips(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& locked)
+  Flips(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& locked, OpenTriangles& open)
       : mesh_(mesh),
         locked_(locked),
         longest_(options.longest * options.edge_length * options.longest * options.edge_length),
         least_cosine_(std::cos(glm::radians(options.max_flip_turn))) {
     valence_.assign(mesh.vertex_count(), 0);
-    for_each_index(mesh.vertex.size(), [&](std::size_t h) {
-      if (mesh.vertex[h] != kNone && !this->locked(mesh.vertex[h]))  // a quad with a locked vertex stays
-        std::atomic_ref<Index>(valence_[mesh.vertex[h]]).fetch_add(1, std::memory_order_relaxed);
+    open.for_each([&](Index t) {
+      for (Index h = 3 * t; h < 3 * t + 3; ++h)
+        if (mesh.vertex[h] != kNone && !this->locked(mesh.vertex[h]))  // a quad with a locked vertex stays
+          std::atomic_ref<Index>(valence_[mesh.vertex[h]]).fetch_add(1, std::memory_order_relaxed);
     });
   }
 
@@ -302,17 +337,18 @@ private:
   std::vector<Index> valence_;
 };
 
-std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen) {
+std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen,
+                     OpenTriangles& open) {
   Collapses collapses(mesh, options, frozen);
-  std::vector<Index> candidates = wanted_edges(mesh, collapses);
+  std::vector<Index> candidates = open.wanted(collapses);
   std::size_t done = 0;
   if (double(candidates.size()) > kManyCollapses * double(mesh.vertex.size() / 2)) {
     for (const float share : kEarlyCollapses) {
       collapses.restrict_to(share);
-      done += edit_independently(mesh, collapses, wanted_edges(mesh, collapses), kCollapseRounds);
+      done += edit_independently(mesh, collapses, open.wanted(collapses), kCollapseRounds);
     }
     collapses.restrict_to(1.0f);
-    candidates = wanted_edges(mesh, collapses);
+    candidates = open.wanted(collapses);
   }
   return done + edit_independently(mesh, collapses, std::move(candidates), kCollapseRounds);
 }
@@ -321,6 +357,9 @@ std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std:
 
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted,
                   const std::vector<std::uint8_t>& frozen) {
+  AlterReport report;
+  OpenTriangles open(mesh, frozen);
+  if (open.none()) return report;
   // Flips heed the locks of earlier edits, not of this call's: they mend what splits and collapses leave.
   std::vector<std::uint8_t> locked = frozen;
   if (options.respect_locks) {
@@ -328,14 +367,13 @@ AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::ve
     for_each_index(locked.size(), [&](std::size_t v) { locked[v] |= mesh.vertices.age[v] == 0; });
   }
 
-  AlterReport report;
   std::vector<std::uint8_t> inverted_now = inverted;
   Splits splits(mesh, options, frozen, inverted_now);
-  report.splits = edit_independently(mesh, splits, wanted_edges(mesh, splits), kSplitRounds);
-  report.collapses = collapse(mesh, options, frozen);
+  report.splits = edit_independently(mesh, splits, open.wanted(splits), kSplitRounds);
+  report.collapses = collapse(mesh, options, frozen, open);
   if (options.flip) {
-    Flips flips(mesh, options, locked);
-    report.flips = edit_independently(mesh, flips, wanted_edges(mesh, flips), kFlipRounds);
+    Flips flips(mesh, options, locked, open);
+    report.flips = edit_independently(mesh, flips, open.wanted(flips), kFlipRounds);
   }
   if (report.collapses > 0) compact(mesh);
   return report;

@@ -81,6 +81,16 @@ std::vector<Index> wanted_edges(const TriangleMesh& mesh, const Edit& edit) {
                        [&](Index h) { return mesh.vertex[h] != kNone && h < mesh.twin[h] && edit.wants(h); });
 }
 
+/// Those of them of which the smaller halfedge is in one of these triangles, which ascend.
+template <class Edit>
+std::vector<Index> wanted_edges(const TriangleMesh& mesh, const Edit& edit, const std::vector<Index>& triangles) {
+  constexpr std::size_t kBlock = 1024;
+  return collect(triangles.size(), kBlock, [&](Index i, std::vector<Index>& list) {
+    for (Index h = 3 * triangles[i]; h < 3 * triangles[i] + 3; ++h)
+      if (mesh.vertex[h] != kNone && h < mesh.twin[h] && edit.wants(h)) list.push_back(h);
+  });
+}
+
 /// Rounds of edits, starting with the candidates of wanted_edges. In each, every candidate claims some cells (vertices
 /// or triangles); it wins when no better claim lies on any cell it watches, so winners can be planned and then applied
 /// all at once. Losers, and edges near an applied edit, are candidates of the next round. Returns the number of edits

@@ -34,11 +34,18 @@ std::vector<std::uint8_t> MeshPart::frozen(const TriangleMesh& mesh) const {
   return frozen;
 }
 
+std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen) {
+  if (frozen.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
+  if (frozen.size() == mesh.vertex_count() && std::find(frozen.begin(), frozen.end(), 0) == frozen.end()) return {};
+  const auto is_open = [&](Index v) { return v >= frozen.size() || !frozen[v]; };
+  return indices_where(mesh.triangle_count(), [&](Index t) {
+    return is_open(mesh.vertex[3 * t]) || is_open(mesh.vertex[3 * t + 1]) || is_open(mesh.vertex[3 * t + 2]);
+  });
+}
+
 OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen) {
   OpenPart part;
-  part.triangle = indices_where(mesh.triangle_count(), [&](Index t) {
-    return !frozen[mesh.vertex[3 * t]] || !frozen[mesh.vertex[3 * t + 1]] || !frozen[mesh.vertex[3 * t + 2]];
-  });
+  part.triangle = open_triangles(mesh, frozen);
   for (const Index t : part.triangle)
     part.vertex.insert(part.vertex.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});
   part.mesh.vertex = part.vertex;

@@ -30,7 +30,11 @@ struct OpenPart {
   std::vector<Index> triangle;  // per triangle: the same
 };
 
-/// The triangles with a vertex that is not frozen. Parallel.
+/// The triangles with a vertex that is not frozen, ascending; `frozen`: one byte a vertex, vertices beyond its end are
+/// not. Parallel.
+std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
+
+/// open_triangles() as a mesh. Parallel.
 OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
 
 }  // namespace isoskin

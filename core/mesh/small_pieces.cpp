@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <numeric>
 
 #include "core/parallel.h"
 
@@ -35,8 +36,16 @@ bool is_small_piece(const TriangleMesh& mesh, Index h) {
 }
 
 std::vector<Index> small_piece_vertices(const TriangleMesh& mesh) {
-  std::vector<std::uint8_t> small(mesh.triangle_count()), large(mesh.triangle_count(), 0);
-  for_each_index(small.size(), [&](std::size_t t) {
+  std::vector<Index> all(mesh.triangle_count());
+  std::iota(all.begin(), all.end(), Index{0});
+  return small_piece_vertices(mesh, all);
+}
+
+std::vector<Index> small_piece_vertices(const TriangleMesh& mesh, const std::vector<Index>& triangles) {
+  if (triangles.empty()) return {};
+  std::vector<std::uint8_t> small(triangles.size()), large(mesh.triangle_count(), 0);
+  for_each_index(triangles.size(), [&](std::size_t i) {
+    const std::size_t t = triangles[i];
     // What one search finds to be large need not be searched from; whoever comes too early only searches in vain.
     const auto known_large = [&](std::size_t other) {
       return std::atomic_ref(large[other]).load(std::memory_order_relaxed) != 0;
@@ -46,13 +55,18 @@ std::vector<Index> small_piece_vertices(const TriangleMesh& mesh) {
       if (mesh.twin[h] != kNone && known_large(TriangleMesh::triangle(mesh.twin[h])))
         return std::atomic_ref(large[t]).store(1, std::memory_order_relaxed);
     SomeTriangles piece;
-    small[t] = gather_piece(mesh, Index(t), piece);
-    if (small[t]) return;
+    small[i] = gather_piece(mesh, Index(t), piece);
+    if (small[i]) return;
     for (const Index other : piece) std::atomic_ref(large[other]).store(1, std::memory_order_relaxed);
   });
   std::vector<Index> vertices;
-  for (std::size_t t = 0; t < small.size(); ++t)
-    if (small[t]) vertices.insert(vertices.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});
+  for (std::size_t i = 0; i < small.size(); ++i) {
+    if (!small[i]) continue;
+    SomeTriangles piece;
+    gather_piece(mesh, triangles[i], piece);
+    for (const Index t : piece)
+      vertices.insert(vertices.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});
+  }
   std::sort(vertices.begin(), vertices.end());
   vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
   return vertices;

@@ -19,4 +19,7 @@ bool is_small_piece(const TriangleMesh& mesh, Index h);
 /// The vertices of all small pieces, ascending. Parallel.
 std::vector<Index> small_piece_vertices(const TriangleMesh& mesh);
 
+/// Of those with one of these triangles.
+std::vector<Index> small_piece_vertices(const TriangleMesh& mesh, const std::vector<Index>& triangles);
+
 }  // namespace isoskin

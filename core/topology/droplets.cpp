@@ -4,6 +4,7 @@
 #include <map>
 #include <vector>
 
+#include "core/mesh/mesh_part.h"
 #include "core/mesh/small_pieces.h"
 #include "core/topology/mesh_patch.h"
 #include "core/topology/mesh_probe.h"
@@ -45,9 +46,9 @@ struct Subdivision {
   }
 };
 
-/// Some triangle of each small piece.
-std::vector<Index> small_piece_triangles(const TriangleMesh& mesh) {
-  const std::vector<Index> vertices = small_piece_vertices(mesh);
+/// Some triangle of each small piece with a vertex that is not frozen.
+std::vector<Index> small_piece_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen) {
+  const std::vector<Index> vertices = small_piece_vertices(mesh, open_triangles(mesh, frozen));
   std::vector<Index> triangles;
   if (vertices.empty()) return triangles;
   for (Index h = 0; h < mesh.vertex.size(); h += 3)
@@ -59,10 +60,11 @@ std::vector<Index> small_piece_triangles(const TriangleMesh& mesh) {
 
 }  // namespace
 
-std::size_t grow_small_pieces(TriangleMesh& mesh, Backend& backend, const ProjectOptions& project, double edge_length) {
+std::size_t grow_small_pieces(TriangleMesh& mesh, Backend& backend, const ProjectOptions& project, double edge_length,
+                              const std::vector<std::uint8_t>& frozen) {
   constexpr int kLevels = 3;
   const double longest = kSmallPieceEdge * edge_length;
-  std::vector<Index> grown = small_piece_triangles(mesh);
+  std::vector<Index> grown = small_piece_triangles(mesh, frozen);
   std::size_t count = 0;
   for (int level = 0; level < kLevels; ++level) {
     std::erase_if(grown, [&](Index t) { return mean_edge_of(mesh, piece_of(mesh, t)) <= longest; });

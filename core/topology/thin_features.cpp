@@ -42,11 +42,12 @@ std::vector<Cylinder> thin_parts(std::span<const CriticalPoint> points, const Th
 }  // namespace
 
 std::vector<Index> thin_feature_vertices(const TriangleMesh& mesh, std::span<const CriticalPoint> points,
-                                         const ThinOptions& options) {
+                                         const ThinOptions& options, const std::vector<std::uint8_t>& frozen) {
   const std::vector<Cylinder> parts = thin_parts(points, options);
   if (parts.empty()) return {};
   std::vector<std::uint8_t> thin(mesh.vertex_count());
   for_each_index(thin.size(), [&](std::size_t v) {
+    if (v < frozen.size() && frozen[v]) return;
     thin[v] =
         std::any_of(parts.begin(), parts.end(), [&](const Cylinder& c) { return c.contains(mesh.position(Index(v))); });
   });

@@ -19,8 +19,9 @@ struct ThinOptions {
 /// F is about v + (l1 x^2 + l2 y^2 + l3 z^2) / 2, so the waist has the radius sqrt(2 |v| / l) and widens along its axis
 /// with the root of the ratio of the eigenvalues. Elements of edge e do not fit round it: relaxed, they fold over, and
 /// coarsened, the waist becomes a prism that the surface leaves. Kept as they are and projected, they follow it, small,
-/// until it is wide enough or is cut. Parallel.
+/// until it is wide enough or is cut. `frozen` (one byte a vertex, may be empty): vertices that are not asked for.
+/// Parallel.
 std::vector<Index> thin_feature_vertices(const TriangleMesh& mesh, std::span<const CriticalPoint> points,
-                                         const ThinOptions& options);
+                                         const ThinOptions& options, const std::vector<std::uint8_t>& frozen = {});
 
 }  // namespace isoskin
