@@ -6,10 +6,11 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <tbb/parallel_sort.h>
 
 #include "core/frame_step.h"
 #include "core/mechanics/motion.h"
+#include "core/mesh/id_set.h"
+#include "core/mesh/independent_edits.h"
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
 #include "core/parallel.h"
@@ -31,18 +32,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::vector<Index> sorted_ids(const TriangleMesh& mesh) {
-  std::vector<Index> ids = mesh.vertices.id;
-  tbb::parallel_sort(ids);
-  return ids;
-}
-
-double share_surviving(const std::vector<Index>& before, const std::vector<Index>& after) {
-  std::vector<Index> both;
-  std::set_intersection(before.begin(), before.end(), after.begin(), after.end(), std::back_inserter(both));
-  return before.empty() ? 1.0 : double(both.size()) / double(before.size());
-}
-
 /// Of the triangles with wanted(corners).
 template <class Wanted>
 double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
@@ -56,12 +45,11 @@ double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
   return area;
 }
 
-/// How many are in all three; `some` ascending, perhaps repeating, the others strictly.
-std::size_t count_in_all(const std::vector<Index>& a, const std::vector<Index>& b, std::vector<Index> some) {
+/// How many are in all three; `some` ascending, perhaps repeating.
+std::size_t count_in_all(const IdSet& a, const IdSet& b, std::vector<Index> some) {
   some.erase(std::unique(some.begin(), some.end()), some.end());
-  return std::size_t(std::count_if(some.begin(), some.end(), [&](Index id) {
-    return std::binary_search(a.begin(), a.end(), id) && std::binary_search(b.begin(), b.end(), id);
-  }));
+  return std::size_t(
+      std::count_if(some.begin(), some.end(), [&](Index id) { return a.contains(id) && b.contains(id); }));
 }
 
 std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
@@ -205,7 +193,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   FrameReport report;
   report.frame = frame.frame;
   report.time = frame.time;
-  const std::vector<Index> before = sorted_ids(mesh_);
+  const IdSet before(mesh_.vertices.id);
+  const double vertices_before = double(mesh_.vertex_count());
   options_.alter.dt = float(seconds_to(frame));
   material_is_known_ = frame.velocity != nullptr;
   {
@@ -235,12 +224,16 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     report.geometric_intersections = count_self_intersections(geometric().mesh);
     report.mechanical_intersections = count_self_intersections(mesh_);
   }
-  const std::vector<Index> after = sorted_ids(mesh_);
-  report.survived = share_surviving(before, after);
-  report.inherited = before.empty() ? 0.0 : double(count_in_all(before, after, inherited_)) / double(before.size());
+  const IdSet after(mesh_.vertices.id);
+  report.survived = vertices_before > 0.0 ? double(before.count_shared(after)) / vertices_before : 1.0;
+  report.inherited = vertices_before > 0.0 ? double(count_in_all(before, after, inherited_)) / vertices_before : 0.0;
   report.mechanical_triangles = mesh_.triangle_count();
   report.geometric_triangles = geometric_.triangle_count();
-  report.mechanical = shape_statistics(mesh_);
+  if (evidence.sides.changes)
+    shape_.update(*before_.sides.mesh, mesh_, *evidence.sides.changes);
+  else
+    shape_ = ShapeSums(mesh_, options_.edge_length);
+  report.mechanical = shape_.statistics();
   report.geometric = geometric_.statistics();
   if (options_.validate)
     for (const TriangleMesh* mesh : {&std::as_const(mesh_), &geometric().mesh})
@@ -248,6 +241,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
   last_field_ = lattice_field_ = frame.field;
   before_ = std::move(evidence);
+  before_.sides.changes.reset();
   time_ = frame.time;
   started_ = true;
   return report;
@@ -448,7 +442,27 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   }
   report.certified = evidence.certificate.passed;
   report.events = ledger_.size();
-  normals_ = outward_normals(mesh_.vertices.position, *backend_);
+  update_normals(evidence.sides.changes);
+}
+
+/// Only where vertices or the field have changed.
+void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
+  if (!changes || changes_.everywhere || changes_.rounded_anew) {
+    normals_ = outward_normals(mesh_.vertices.position, *backend_);
+    return;
+  }
+  const ChangeMask changed(changes_, 0.0);
+  const std::vector<Index> stale = indices_where(mesh_.vertex_count(), [&](Index v) {
+    return changes->moved[v] || (!changed.empty() && changed.contains(DVec3(mesh_.position(v))));
+  });
+  std::vector<Vec3> normals(mesh_.vertex_count()), position;
+  for_each_index(normals.size(), [&](std::size_t v) {
+    if (!changes->moved[v]) normals[v] = normals_[changes->vertex_before[v]];
+  });
+  for (const Index v : stale) position.push_back(mesh_.position(v));
+  const std::vector<Vec3> fresh = outward_normals(position, *backend_);
+  for (std::size_t i = 0; i < stale.size(); ++i) normals[stale[i]] = fresh[i];
+  normals_ = std::move(normals);
 }
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {

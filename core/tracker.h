@@ -13,6 +13,7 @@
 #include "core/mechanics/sleep.h"
 #include "core/mesh/mesh_part.h"
 #include "core/refine/geometric_mesh.h"
+#include "core/refine/shape_sums.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/collisions.h"
 #include "core/topology/events.h"
@@ -190,6 +191,7 @@ private:
   ThinMotion thin_motion(const Field& field) const;
   void keep_awake(const Relaxed& relaxed);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  void update_normals(const std::optional<MeshChanges>& changes);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
   bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report);
@@ -210,6 +212,7 @@ private:
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;
+  ShapeSums shape_;  // of the mechanical mesh
   GeometricSkin geometric_;
   std::vector<LedgerEntry> ledger_;
   std::vector<Index> inherited_;          // ids that vertices of new skin have taken over in this frame

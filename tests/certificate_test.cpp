@@ -7,6 +7,7 @@
 #include <tbb/global_control.h>
 
 #include "analytic_fields.h"
+#include "core/mesh/edit.h"
 #include "core/mesh/validate.h"
 #include "digital_topology.h"
 #include "sanitized.h"
@@ -157,12 +158,20 @@ TEST(Winding, RandomSoupOfSheetsStaysConsistent) {
   expect_windings(mesh, sphere.lattice, 401);
 }
 
+/// A split, a flip and a collapse, each where it may be.
+void edit_somewhere(TriangleMesh& mesh, std::mt19937& random) {
+  const auto anywhere = [&] { return Index(random() % mesh.vertex.size()); };
+  split_edge(mesh, anywhere(), 0.5f);
+  if (const Index h = anywhere(); can_flip(mesh, h)) flip_edge(mesh, h);
+  if (const Index h = anywhere(); link_condition(mesh, h)) collapse_edge(mesh, h, 0.5f);
+  compact(mesh);
+}
+
 TEST(Certificate, WhatIsRememberedOfSidesChangesNoReport) {
   Judge sphere(both(ball({-0.7, 0.0, 0.0}, 0.5), ball({0.7, 0.0, 0.0}, 0.6)));
   sphere.lattice.same_as.resize(sphere.lattice.brick_count());
   std::iota(sphere.lattice.same_as.begin(), sphere.lattice.same_as.end(), Index{0});
   const TriangleMesh right = sphere.mesh();
-  const MeshPieces pieces = mesh_pieces(right);
   SideMemory memory;
   std::mt19937 random(5);
   std::size_t wrong = 0;
@@ -172,10 +181,13 @@ TEST(Certificate, WhatIsRememberedOfSidesChangesNoReport) {
     const float depth = float(frame % 3) * 1.2f * float(kTolerance);
     for (Vec3& p : mesh.vertices.position)
       if (glm::distance(p, centre) < 0.25f) p += depth * glm::normalize(Vec3(p.x < 0 ? -0.7f : 0.7f, 0, 0) - p);
+    edit_somewhere(mesh, random);
+    const MeshPieces pieces = mesh_pieces(mesh);
     BrickLattice lattice = sphere.lattice;
     if (frame % 4 == 1) lattice.same_as[random() % lattice.brick_count()] = kNone;
     const SideReport whole = check_sides(mesh, pieces, *sphere.field, lattice, sphere.topology, kTolerance);
     const SideReport again = check_sides(mesh, pieces, *sphere.field, lattice, sphere.topology, kTolerance, &memory);
+    EXPECT_EQ(memory.print, column_prints(mesh, lattice));
     EXPECT_EQ(whole.wrong, again.wrong);
     EXPECT_EQ(whole.mesh_piece, again.mesh_piece);
     EXPECT_EQ(whole.lattice_piece, again.lattice_piece);

@@ -241,6 +241,7 @@ SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
     support_.push_back(support_of(elements_[i]));
     is_ball_.push_back(is_point(elements_[i]) && elements_[i].norm == 2.0);
   }
+  near_ = ElementGrid(support_);
 }
 
 DVec3 SkeletonField::origin() const {
@@ -255,39 +256,40 @@ DVec3 SkeletonField::origin() const {
 
 FieldSample SkeletonField::sample(const DVec3& p) const {
   FieldSample sum{-iso_, DVec3(0.0)};
-  for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!contains(support_[i], p)) continue;
+  near_.for_each_at(p, [&](Index i) {
+    if (!contains(support_[i], p)) return;
     const FieldSample s = is_ball_[i] ? ball_sample(elements_[i], p) : element_sample(elements_[i], p);
     sum.value += s.value;
     sum.gradient += s.gradient;
-  }
+  });
   return sum;
 }
 
 double SkeletonField::value(const DVec3& p) const {
   double sum = -iso_;
-  for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!contains(support_[i], p)) continue;
+  near_.for_each_at(p, [&](Index i) {
+    if (!contains(support_[i], p)) return;
     const SkeletonElement& e = elements_[i];
     const DVec3 x = is_ball_[i] ? p - e.a : offset_from(e, p).x;
     const double d = e.norm == 2.0 ? 0.0 : norm_of(x, e.norm);
     sum += e.weight * profile(e, e.norm == 2.0 ? glm::dot(x, x) : d * d).value;
-  }
+  });
   return sum;
 }
 
 DMat3 SkeletonField::hessian(const DVec3& p) const {
   DMat3 sum(0.0);
-  for (std::size_t i = 0; i < elements_.size(); ++i)
+  near_.for_each_at(p, [&](Index i) {
     if (contains(support_[i], p)) sum += is_ball_[i] ? ball_hessian(elements_[i], p) : element_hessian(elements_[i], p);
+  });
   return sum;
 }
 
 Interval SkeletonField::range(const Box& box) const {
   Interval sum{-iso_, -iso_};
   double low_size = std::abs(iso_), high_size = low_size;
-  for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!overlap(support_[i], box)) continue;
+  near_.for_each_in(box, [&](Index i) {
+    if (!overlap(support_[i], box)) return;
     const SkeletonElement& e = elements_[i];
     const Interval d = distance_interval(e, box);
     const double near = e.weight * profile(e, d.low * d.low).value;
@@ -297,7 +299,7 @@ Interval SkeletonField::range(const Box& box) const {
     sum.high += high;
     low_size += std::abs(low);
     high_size += std::abs(high);
-  }
+  });
   const double rounding = kRounding * static_cast<double>(elements_.size() + 1);
   return {sum.low - rounding * low_size, sum.high + rounding * high_size};
 }

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/field/element_grid.h"
 #include "core/field/field.h"
 #include "core/field/skeleton_element.h"
 
@@ -43,6 +44,7 @@ public:
 private:
   std::vector<SkeletonElement> elements_;
   std::vector<Box> support_;           // of each element
+  ElementGrid near_;                   // of the supports
   std::vector<std::uint8_t> is_ball_;  // of each element: a point with the norm 2
   double iso_ = 0.0;
 };

@@ -25,4 +25,9 @@ ShapeStatistics ShapeTally::statistics(const std::vector<Part>& parts) const {
   return out;
 }
 
+double ShapeTally::least() const {
+  const auto first = std::find_if(angles_.begin(), angles_.end(), [](int count) { return count > 0; });
+  return first == angles_.end() ? 180.0 : double(first - angles_.begin()) * kStep;
+}
+
 }  // namespace isoskin

@@ -43,6 +43,9 @@ public:
   /// `parts`: of all that is counted, each once.
   ShapeStatistics statistics(const std::vector<Part>& parts) const;
 
+  /// The multiple of kStep at or below the least angle; 180 where nothing is counted.
+  double least() const;
+
 private:
   static constexpr std::size_t kSteps = 60 * 256 + 1;
   static std::size_t step(double angle) { return std::min(kSteps - 1, std::size_t(angle / kStep)); }

@@ -13,6 +13,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -38,15 +39,24 @@ struct Found {
   Index column;
 };
 
+/// In lattice coordinates, not rounded yet.
+DVec3 in_lattice(const BrickLattice& lattice, const Vec3& position, std::size_t v) {
+  const DVec3 q = (DVec3(position) - lattice.origin) / lattice.spacing;
+  if (!(glm::all(glm::lessThan(glm::abs(q), DVec3(kFarthest)))))
+    throw std::invalid_argument("mesh vertex " + std::to_string(v) + " is too far away for the lattice");
+  return q;
+}
+
+Rounded round_vertex(const BrickLattice& lattice, const Vec3& position, std::size_t v) {
+  const DVec3 q = in_lattice(lattice, position, v);
+  return {std::llround(std::ldexp(q.x, kFraction)), std::llround(std::ldexp(q.y, kFraction)), q.z};
+}
+
 std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice& lattice) {
   std::vector<Rounded> out(mesh.vertex_count());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, out.size(), kChunk), [&](const auto& range) {
-    for (std::size_t v = range.begin(); v != range.end(); ++v) {
-      const DVec3 q = (DVec3(mesh.vertices.position[v]) - lattice.origin) / lattice.spacing;
-      if (!(glm::all(glm::lessThan(glm::abs(q), DVec3(kFarthest)))))
-        throw std::invalid_argument("mesh vertex " + std::to_string(v) + " is too far away for the lattice");
-      out[v] = {std::llround(std::ldexp(q.x, kFraction)), std::llround(std::ldexp(q.y, kFraction)), q.z};
-    }
+    for (std::size_t v = range.begin(); v != range.end(); ++v)
+      out[v] = round_vertex(lattice, mesh.vertices.position[v], v);
   });
   return out;
 }
@@ -85,6 +95,13 @@ std::uint64_t mixed(std::uint64_t v) {
   return v ^ v >> 31;
 }
 
+std::uint64_t vertex_print(const Rounded& v) {
+  return mixed(mixed(mixed(std::uint64_t(v.x)) + std::uint64_t(v.y)) + std::bit_cast<std::uint64_t>(v.z));
+}
+std::uint64_t triangle_print(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  return mixed(mixed(mixed(a) + b) + c);
+}
+
 /// Finds brick columns' numbers; most are that of the one before.
 class Numbers {
 public:
@@ -103,6 +120,16 @@ private:
   IVec3 last_{0, 0, 1};  // no column
   Index last_number_ = kNone;
 };
+
+/// Adds a triangle's print, or what undoes it, to the sums of the columns it may cross.
+void add_print(const Reach& reach, std::uint64_t print, Numbers& numbers, std::vector<std::uint64_t>& sum) {
+  if (reach.empty()) return;
+  reach.any_brick_column([&](const IVec3& column) {
+    const Index number = numbers.of(column);
+    if (number != kNone) std::atomic_ref(sum[number]).fetch_add(print, std::memory_order_relaxed);
+    return false;
+  });
+}
 
 /// An edge from p to q seen from the columns of one x after another, upwards in y.
 template <class Wide>
@@ -240,6 +267,38 @@ BrickLattice list_columns(const BrickLattice& lattice, MeshColumns& out) {
   return index;
 }
 
+/// Triangles that may cross a wanted column, or one that is not the lattice's, and not many others; `index`: the
+/// lattice's brick columns.
+std::vector<Index> triangles_about(const TriangleMesh& mesh, const BrickLattice& lattice, const BrickLattice& index,
+                                   const std::vector<std::uint8_t>& wanted) {
+  constexpr double kSlack = 0.01;  // of a corner, for rounding
+  if (index.coordinate.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
+  IVec3 low = index.coordinate.front(), high = low;
+  for (const IVec3& column : index.coordinate) low = glm::min(low, column), high = glm::max(high, column);
+  const glm::ivec2 first(low), size(high - low + 1);
+  std::vector<std::uint8_t> look(std::size_t(size.x) * std::size_t(size.y), 1);
+  for (std::size_t c = 0; c < wanted.size(); ++c) {
+    const glm::ivec2 at = glm::ivec2(index.coordinate[c]) - first;
+    look[std::size_t(at.x) * std::size_t(size.y) + std::size_t(at.y)] = wanted[c];
+  }
+  std::vector<std::array<glm::ivec2, 2>> columns(mesh.vertex_count());  // the first and last about each vertex
+  for_each_index(columns.size(), [&](std::size_t v) {
+    const glm::dvec2 q(in_lattice(lattice, mesh.vertices.position[v], v));
+    columns[v] = {glm::ivec2(glm::floor((q - (1.0 + kSlack)) / double(kCells))) - first,
+                  glm::ivec2(glm::floor((q + kSlack) / double(kCells))) - first};
+  });
+  return indices_where(mesh.triangle_count(), [&](Index t) {
+    const auto &a = columns[mesh.vertex[3 * t]], &b = columns[mesh.vertex[3 * t + 1]],
+               &c = columns[mesh.vertex[3 * t + 2]];
+    const glm::ivec2 from = glm::min(glm::min(a[0], b[0]), c[0]), to = glm::max(glm::max(a[1], b[1]), c[1]);
+    if (from.x < 0 || from.y < 0 || to.x >= size.x || to.y >= size.y) return true;
+    for (int x = from.x; x <= to.x; ++x)
+      for (int y = from.y; y <= to.y; ++y)
+        if (look[std::size_t(x) * std::size_t(size.y) + std::size_t(y)]) return true;
+    return false;
+  });
+}
+
 /// Columns that only the mesh reaches come after the lattice's, in order.
 void add_stray_columns(std::vector<Finder>& chunks, MeshColumns& out) {
   const auto sooner = [](const IVec3& a, const IVec3& b) { return std::tie(a.x, a.y) < std::tie(b.x, b.y); };
@@ -261,15 +320,22 @@ void add_stray_columns(std::vector<Finder>& chunks, MeshColumns& out) {
 MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
                           const std::vector<std::uint8_t>& wanted) {
   MeshColumns out;
-  const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
   const BrickLattice index = list_columns(lattice, out);
-  const std::size_t triangles = mesh.triangle_count();
+  const bool all = wanted.empty(), none = !all && std::find(wanted.begin(), wanted.end(), 1) == wanted.end();
+  const std::vector<Rounded> vertex = all ? round_vertices(mesh, lattice) : std::vector<Rounded>{};
+  const std::vector<Index> some = all || none ? std::vector<Index>{} : triangles_about(mesh, lattice, index, wanted);
+  const std::size_t triangles = all ? mesh.triangle_count() : some.size();
+  const auto corner = [&](Index h) {
+    const Index v = mesh.vertex[h];
+    return all ? vertex[v] : round_vertex(lattice, mesh.position(v), v);
+  };
   std::vector<Finder> chunks((triangles + kChunk - 1) / kChunk, Finder(index, wanted));
   tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t k) {
-    if (wanted.empty()) chunks[k].found.reserve(2 * kChunk);
-    for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t)
-      chunks[k].triangle(vertex[mesh.vertex[3 * t]], vertex[mesh.vertex[3 * t + 1]], vertex[mesh.vertex[3 * t + 2]],
-                         static_cast<Index>(t));
+    if (all) chunks[k].found.reserve(2 * kChunk);
+    for (std::size_t i = k * kChunk; i < std::min(triangles, (k + 1) * kChunk); ++i) {
+      const Index t = all ? static_cast<Index>(i) : some[i];
+      chunks[k].triangle(corner(3 * t), corner(3 * t + 1), corner(3 * t + 2), t);
+    }
   });
   add_stray_columns(chunks, out);
   out.first_brick.resize(out.column.size() + 1, static_cast<Index>(lattice.brick_count()));
@@ -291,29 +357,40 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
 
 std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLattice& lattice) {
   MeshColumns columns;
-  const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
   const BrickLattice index = list_columns(lattice, columns);
+  const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
   std::vector<std::uint64_t> print(mesh.vertex_count()), sum(columns.column.size(), 0);
-  for_each_index(print.size(), [&](std::size_t v) {
-    print[v] = mixed(mixed(mixed(std::uint64_t(vertex[v].x)) + std::uint64_t(vertex[v].y)) +
-                     std::bit_cast<std::uint64_t>(vertex[v].z));
-  });
+  for_each_index(print.size(), [&](std::size_t v) { print[v] = vertex_print(vertex[v]); });
   const std::size_t triangles = mesh.triangle_count();
   tbb::parallel_for(std::size_t{0}, (triangles + kChunk - 1) / kChunk, [&](std::size_t k) {
     Numbers numbers(index);
     for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t) {
       const Index *const corner = &mesh.vertex[3 * t], a = corner[0], b = corner[1], c = corner[2];
-      const Reach reach(vertex[a], vertex[b], vertex[c]);
-      if (reach.empty()) continue;
-      const std::uint64_t of_triangle = mixed(mixed(mixed(print[a]) + print[b]) + print[c]);
-      reach.any_brick_column([&](const IVec3& column) {
-        const Index number = numbers.of(column);
-        if (number != kNone) std::atomic_ref(sum[number]).fetch_add(of_triangle, std::memory_order_relaxed);
-        return false;
-      });
+      add_print(Reach(vertex[a], vertex[b], vertex[c]), triangle_print(print[a], print[b], print[c]), numbers, sum);
     }
   });
   return sum;
+}
+
+void update_column_prints(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes,
+                          const BrickLattice& lattice, std::vector<std::uint64_t>& print) {
+  MeshColumns columns;
+  const BrickLattice index = list_columns(lattice, columns);
+  const auto add = [&](const std::vector<Index>& triangles, const std::vector<Index>& vertex,
+                       const std::vector<Vec3>& position, bool gone) {
+    tbb::parallel_for(std::size_t{0}, (triangles.size() + kChunk - 1) / kChunk, [&](std::size_t k) {
+      Numbers numbers(index);
+      for (std::size_t i = k * kChunk; i < std::min(triangles.size(), (k + 1) * kChunk); ++i) {
+        const Index* const corner = &vertex[3 * std::size_t{triangles[i]}];
+        const auto rounded = [&](int c) { return round_vertex(lattice, position[corner[c]], corner[c]); };
+        const Rounded a = rounded(0), b = rounded(1), c = rounded(2);
+        const std::uint64_t of_triangle = triangle_print(vertex_print(a), vertex_print(b), vertex_print(c));
+        add_print(Reach(a, b, c), gone ? ~of_triangle + 1 : of_triangle, numbers, print);
+      }
+    });
+  };
+  add(changes.gone, before.vertex, before.position, true);
+  add(changes.fresh, mesh.vertex, mesh.vertices.position, false);
 }
 
 std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/mesh/mesh_changes.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/brick_signs.h"
@@ -40,6 +41,11 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
 /// As long as that is the same, the mesh crosses it in the same places. Parallel and deterministic; throws as
 /// cross_columns() does.
 std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLattice& lattice);
+
+/// `print`, of the mesh `before` was copied from and of a lattice with the same brick columns, becomes column_prints()
+/// of this mesh; `changes`: between the two. Costs what changes.
+void update_column_prints(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes,
+                          const BrickLattice& lattice, std::vector<std::uint64_t>& print);
 
 /// Winding number of the mesh at each corner of each brick, same layout as BrickLattice::value.
 std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLattice& lattice);

@@ -234,6 +234,27 @@ std::vector<Index> first_bricks(const BrickLattice& lattice) {
   return first;
 }
 
+/// The bricks' x and y, of each brick column.
+std::vector<glm::ivec2> columns_of(const BrickLattice& lattice, const std::vector<Index>& first_brick) {
+  std::vector<glm::ivec2> column;
+  for (std::size_t c = 0; c + 1 < first_brick.size(); ++c) column.emplace_back(lattice.coordinate[first_brick[c]]);
+  return column;
+}
+
+/// See column_prints(); goes on from those of the mesh before where that takes less.
+std::vector<std::uint64_t> prints_now(const TriangleMesh& mesh, const BrickLattice& lattice, const SideMemory& before,
+                                      SideMemory& now) {
+  constexpr std::size_t kMostChanged = 2;  // one in so many triangles
+  if (before.print.empty()) return column_prints(mesh, lattice);
+  MeshChanges changes = mesh_changes(*before.mesh, mesh);
+  if (changes.fresh.size() * kMostChanged > mesh.triangle_count()) return column_prints(mesh, lattice);
+  now.changes = std::move(changes);
+  if (before.column != now.column) return column_prints(mesh, lattice);
+  std::vector<std::uint64_t> print = before.print;
+  update_column_prints(*before.mesh, mesh, *now.changes, lattice, print);
+  return print;
+}
+
 /// The column of the lattice before that has the bricks first..end of this one and no others, else kNone.
 Index column_before(const SideMemory& before, const BrickLattice& lattice, Index first, Index end) {
   const Index was = lattice.same_as[first];
@@ -250,7 +271,11 @@ std::vector<std::uint8_t> columns_to_walk(const TriangleMesh& mesh, const BrickL
                                           const SideMemory& before, SideMemory& now) {
   if (lattice.same_as.empty()) return {};
   now.first_brick = first_bricks(lattice);
-  now.print = column_prints(mesh, lattice);
+  now.column = columns_of(lattice, now.first_brick);
+  now.print = prints_now(mesh, lattice, before, now);
+  const bool same =
+      now.changes && now.changes->gone.empty() && now.changes->fresh.empty() && before.mesh->id == mesh.vertices.id;
+  now.mesh = same ? before.mesh : std::make_shared<const MeshCopy>(mesh);
   now.worst.assign(now.print.size(), 0.0);
   if (before.print.empty()) return {};
   std::vector<std::uint8_t> walk(now.print.size(), 1);

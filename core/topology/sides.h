@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/field/field.h"
+#include "core/mesh/mesh_changes.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
@@ -41,8 +44,11 @@ struct SideReport {
 
 /// What a check of sides leaves to the next frame's.
 struct SideMemory {
-  std::vector<Index> first_brick;    // per brick column that has bricks, CSR
-  std::vector<std::uint64_t> print;  // per column: see column_prints(); empty where nothing is remembered
+  std::shared_ptr<const MeshCopy> mesh;
+  std::optional<MeshChanges> changes;  // from that of the check before, where that is less than half of it
+  std::vector<Index> first_brick;      // per brick column that has bricks, CSR
+  std::vector<glm::ivec2> column;      // per column: its bricks' x and y
+  std::vector<std::uint64_t> print;    // per column: see column_prints(); empty where nothing is remembered
   std::vector<double> worst;  // per column: the greatest |F| at a corner where mesh and field differ; infinite where
                               // that is not told by the column's bricks
 };

@@ -1,0 +1,32 @@
+// What has become of a mesh since it was copied, told from the two alone: whoever keeps something by triangle or vertex
+// goes on from there.
+#pragma once
+
+#include <vector>
+
+#include "core/mesh/triangle_mesh.h"
+
+namespace isoskin {
+
+/// As much of a mesh as its changes are told by.
+struct MeshCopy {
+  std::vector<Index> vertex, id;  // three a triangle; one a vertex
+  std::vector<Vec3> position;     // one a vertex
+
+  MeshCopy() = default;
+  explicit MeshCopy(const TriangleMesh& mesh)
+      : vertex(mesh.vertex), id(mesh.vertices.id), position(mesh.vertices.position) {}
+};
+
+struct MeshChanges {
+  std::vector<Index> vertex_before;  // per vertex: the one with its id, kNone where there was none, or not in order
+  std::vector<std::uint8_t> moved;   // per vertex: not where that was, or new
+  std::vector<Index> gone, fresh;    // triangles of the copy and of the mesh that are not triangles of the other with
+                                     // their vertices in the same places, ascending
+};
+
+/// Edits keep what they leave in order, and so the two are walked through once, side by side; where the order is
+/// another, more counts as changed than has.
+MeshChanges mesh_changes(const MeshCopy& before, const TriangleMesh& mesh);
+
+}  // namespace isoskin

@@ -1,0 +1,32 @@
+// Shape statistics of a mesh that go on from those of the mesh before.
+#pragma once
+
+#include "core/mesh/mesh_changes.h"
+#include "core/refine/shape_tally.h"
+
+namespace isoskin {
+
+/// Sums are of whole numbers, so they depend neither on the order in which triangles are counted nor on what has been
+/// counted and taken back since.
+class ShapeSums {
+public:
+  ShapeSums() = default;
+  /// Of all triangles. `unit`: lengths are summed to 2^-30 of it.
+  ShapeSums(const TriangleMesh& mesh, double unit);
+
+  /// From the mesh that was copied to this one.
+  void update(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes);
+
+  /// As shape_statistics(), but min_angle and p1_angle are the multiples of ShapeTally::kStep at or below.
+  ShapeStatistics statistics() const;
+
+private:
+  void add(const std::vector<Index>& vertex, const std::vector<Vec3>& position, Index t, int times);
+
+  ShapeTally tally_;
+  double unit_ = 1.0;
+  std::int64_t angles_ = 0, edges_ = 0, area_ = 0;  // 2^-30 degrees, units, squared units
+  std::int64_t below_10_ = 0, triangles_ = 0;
+};
+
+}  // namespace isoskin
