@@ -21,6 +21,10 @@ public:
   void solve(const ResidentMesh& mesh, const Array<Vec3>& normals, Elements& elements, const RelaxOptions& options);
   /// Launches only: moves the resident positions by dx, each at most `longest`.
   void move(ResidentMesh& mesh, float longest);
+  /// Gives back the memory of the vectors; nothing may be running.
+  void let_go() {
+    for (Array<float>* vector : {&x_, &r_, &p_, &q_}) vector->let_go();
+  }
   /// Enqueues only; `state` is filled after Device::finish(): iterations since reset(), residual of the last solve.
   void fetch_state(CgState& state);
 

@@ -16,7 +16,8 @@ namespace isoskin::opencl {
 namespace {
 
 constexpr std::size_t kPage = 4096;
-constexpr std::size_t kMostPending = 1 << 14;  // profiled events kept before they are read back
+constexpr std::size_t kMostKept = std::size_t{1} << 24;  // bytes of a block that goes back to the pool
+constexpr std::size_t kMostPending = 1 << 14;            // profiled events kept before they are read back
 
 const char* error_name(cl_int code) {
   switch (code) {
@@ -323,6 +324,12 @@ Block Device::acquire(std::size_t bytes) {
 }
 
 void Device::release(Block block) {
+  if (block.bytes > kMostKept) {
+    finish();
+    pooled_bytes_ -= block.bytes;
+    block.memory = Memory();  // before what it lies on
+    return;
+  }
   free_.emplace(block.bytes, std::move(block));
 }
 

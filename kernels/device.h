@@ -114,7 +114,8 @@ public:
     }
   }
 
-  /// A block of at least `bytes`, from the pool where one fits; give it back with release().
+  /// A block of at least `bytes`, from the pool where one fits; give it back with release(). Large blocks are not kept
+  /// there: filling them takes far longer than having them from the system, and other steps need the memory.
   Block acquire(std::size_t bytes);
   void release(Block block);
 
@@ -205,6 +206,13 @@ public:
   void read(std::span<T> to) {
     fetch(to);
     device_->finish();
+  }
+
+  /// Gives its memory back; no command that uses it may be running.
+  void let_go() {
+    size_ = 0;
+    if (block_.memory.get()) device_->release(std::move(block_));
+    block_ = {};
   }
 
   std::size_t size() const { return size_; }

@@ -26,6 +26,12 @@ public:
       device_->launch(spring_product_, count, mesh.positions, mesh.vertex, d, slots_, done, material(options), count);
   }
 
+  /// Gives back the memory of slots and frames, which are over. Nothing may be running.
+  void let_go() {
+    frames_.let_go();
+    slots_.let_go();
+  }
+
   /// 3 floats a corner.
   const Array<float>& slots() const { return slots_; }
 

@@ -37,6 +37,8 @@ RelaxReport Relaxer::report() {
   RelaxReport report;
   report.steps = steps_;
   report.inverted = std::ranges::count(inverted.span(), 1);
+  elements_.let_go();
+  cg_.let_go();
   report.cg_iterations = cg_state_.iterations;
   report.residual = cg_state_.start > 0.0f ? std::sqrt(static_cast<double>(cg_state_.rr) / cg_state_.start) : 0.0;
   return report;

@@ -16,7 +16,7 @@ public:
   /// triangles that are inverted where it ends. Not with options.steps <= 0 or an empty mesh.
   void launch(const DeviceField& field, ResidentMesh& mesh, Projector& projector, Normals& normals,
               const RelaxOptions& options, const ProjectOptions& project);
-  /// Waits for it. All but quasi_critical.
+  /// Waits for it, then gives back the memory of what is over. All but quasi_critical.
   RelaxReport report();
   Array<std::uint8_t>& inverted() { return inverted_; }
 
