@@ -426,20 +426,24 @@ double Tracker::lattice_spacing(const Field& field) const {
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
+  const auto extract_at = [&](float coarsening) {
+    if (evidence.certificate.passed) return;
+    reextract(frame, evidence, coarsening, report);
+    certify(frame, evidence, report);
+  };
+  if (!started_) extract_at(1.0f);
   const Index first_new = mesh_.next_id;
   inherited_.clear();
   for (const ReskinTry& how : options_.repairs) {
-    if (!started_ || evidence.certificate.passed) break;
+    if (evidence.certificate.passed) break;
     if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
   // e, then e / 2, then the extracted triangles as they are, which cannot fail.
-  for (const float coarsening : {1.0f, 0.5f, 0.0f}) {
-    if (evidence.certificate.passed) break;
-    reextract(frame, evidence, coarsening, report);
-    certify(frame, evidence, report);
-  }
+  if (started_) extract_at(1.0f);
+  extract_at(0.5f);
+  extract_at(0.0f);
   report.certified = evidence.certificate.passed;
   report.events = ledger_.size();
   update_normals(evidence.sides.changes);
@@ -493,6 +497,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   reskin_options.suspects_only = how.suspects_only;
   reskin_options.radius *= how.widened;
   reskin_options.alter = unlocked_and_still(options_.alter);
+  if (how.as_extracted) reskin_options.collapse_passes = 0;
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
   const VertexTable old = mesh_.vertices;
@@ -500,7 +505,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
                                             evidence.topology, *backend_, reskin_options);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
   report.repairs += 1;
-  settle_new_skin(first_new);
+  if (!how.as_extracted) settle_new_skin(first_new);
   const float reach = float(options_.inherit * options_.edge_length);
   const std::vector<Index> taken = inherit_ids(mesh_, first_new, old, *backend_, reach);
   inherited_.insert(inherited_.end(), taken.begin(), taken.end());

@@ -35,6 +35,7 @@ enum class Topology {
 struct ReskinTry {
   bool suspects_only = false;  // see ReskinOptions
   bool replace_all = false;    // see ReskinOptions
+  bool as_extracted = false;   // new skin is left as the lattice has it: neither coarsened nor settled
   double widened = 1.0;        // the radius about a bad site, in those of ReskinOptions
   // All of the pieces whose topology differs is asked, tile by tile, and nothing else.
   std::optional<Tiles> tiles = std::nullopt;
@@ -61,8 +62,8 @@ struct TrackOptions {
   SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
   BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
   ReskinOptions reskin;    // local repair; edge_length and alter are filled in
-  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; at last
-  // farther and farther about whatever looks odd.
+  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; then
+  // farther and farther about whatever looks odd; at last as the lattice has it, spikes thinner than e and all.
   std::vector<ReskinTry> repairs{{.suspects_only = true, .widened = 0.3},
                                  {.suspects_only = true, .widened = 0.6},
                                  {.widened = 0.6},
@@ -76,7 +77,9 @@ struct TrackOptions {
                                  {.widened = 0.1, .tiles = Tiles{.width = 32.0, .shift = 0.5}},
                                  {.replace_all = true},
                                  {.replace_all = true, .widened = 1.5},
-                                 {.replace_all = true, .widened = 2.5}};
+                                 {.replace_all = true, .widened = 2.5},
+                                 {.replace_all = true, .as_extracted = true, .widened = 0.6},
+                                 {.replace_all = true, .as_extracted = true, .widened = 1.5}};
   std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
   int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
   double inherit = 0.5;           // a vertex of new skin takes over the id of an old one no farther off; units of e

@@ -236,6 +236,12 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     runs.emplace_back(i, j);
   }
   const Sides sides(lattice, winding);
+  // At a cusp the slope between corners, which the certificate goes by, is far less than the gradient.
+  const auto blamed = [&](const Corner& corner) {
+    const std::size_t b = corner.slot / BrickLattice::kValues;
+    const IVec3 local = corner.at - 8 * lattice.coordinate[b];
+    return far(&lattice.value[b * BrickLattice::kValues], local.x, local.y, local.z);
+  };
   std::vector<std::uint8_t> bad(corners.size(), 0), sure(corners.size(), 0), suspect(corners.size(), 0);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t r) {
     const auto [begin, end] = runs[r];
@@ -245,7 +251,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     for (std::size_t i = begin; i < end; ++i) {
       const Index c = order[i];
       const std::int8_t times = winding[corners[c].slot];
-      sure[c] = far.is_far(samples.value[c], samples.slope[c]);
+      sure[c] = far.is_far(samples.value[c], samples.slope[c]) || blamed(corners[c]);
       bad[c] = suspect[c] || sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }
   });
