@@ -387,6 +387,20 @@ TEST(Tracker, SelfIntersectionsAreCountedInBothMeshes) {
   EXPECT_GT(seen, 0u);
 }
 
+TEST(Tracker, CuspsAreMendedWhereTheyAre) {
+  const Scene scene = load_scene(data("norm_p06.toml"));
+  const FieldFrame first = scene.source->load(4);
+  const auto tracker = opencl_tracker(*first.field);
+  const FrameReport extracted = tracker->advance(first);
+  EXPECT_TRUE(extracted.certified);
+  EXPECT_LT(extracted.reextracted[2], 1.5) << "once, and no finer";
+  const FrameReport followed = tracker->advance(scene.source->load(5));
+  EXPECT_TRUE(followed.certified);
+  EXPECT_GT(followed.repairs, 0u) << "what is to be shown did not happen";
+  EXPECT_EQ(followed.reextracted[2], 0.0);
+  EXPECT_GT(followed.survived, 0.9);
+}
+
 TEST(Tracker, SurfacesMayVanishAndReturn) {
   const auto ball = std::make_shared<SphereField>(DVec3(0.0), 0.5);
   const auto nothing = std::make_shared<SphereField>(DVec3(0.0), -1.0);
