@@ -407,7 +407,7 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   const bool goes_on = started_ && lattice_field_ == last_field_;
   lattice_field_ = nullptr;
   if (!has_critical_points(*frame.field)) last_field_ = nullptr;  // a grid is large, and changes_ says what is needed
-  const double spacing = lattice_spacing(*frame.field);
+  const double spacing = lattice_spacing(*frame.field, goes_on);
   const bool same_spacing = std::abs(before_.lattice.spacing - spacing) < 0.25 * spacing;
   evidence.lattice = goes_on && same_spacing
                          ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
@@ -416,11 +416,18 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
   return evidence;
 }
 
-/// Half voxels, but whole ones where those show all that there is.
-double Tracker::lattice_spacing(const Field& field) const {
+/// Half voxels, but whole ones where those show all that there is. What does not change need not be asked again.
+double Tracker::lattice_spacing(const Field& field, bool goes_on) {
   const auto* grid = dynamic_cast<const GridField*>(&field);
-  const bool halves = grid && grid_parts(*grid->grid(), options_.lattice_spacing) == 2;
-  return halves && is_plain(*grid->grid()) ? grid->resolution() : options_.lattice_spacing;
+  if (!grid || grid_parts(*grid->grid(), options_.lattice_spacing) != 2) return options_.lattice_spacing;
+  const BrickGrid& bricks = *grid->grid();
+  if (!goes_on || !rough_ || !is_rough(bricks, *rough_)) {
+    const bool little = changes_.box.size() < bricks.brick_coordinate.size() && !changes_.everywhere;
+    std::optional<ChangeMask> changed;
+    if (goes_on && !rough_ && little) changed.emplace(changes_, 0.0);
+    rough_ = find_rough(bricks, changed ? &*changed : nullptr);
+  }
+  return rough_ ? options_.lattice_spacing : grid->resolution();
 }
 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {

@@ -180,7 +180,7 @@ private:
   Operated operated_on(const EventPlan& plan, FrameReport& report);
   void take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
   Evidence sample(const FieldFrame& frame, FrameReport& report);
-  double lattice_spacing(const Field& field) const;
+  double lattice_spacing(const Field& field, bool goes_on);
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
@@ -210,6 +210,7 @@ private:
   FieldChanges changes_;                        // from it to the frame's
   Evidence before_;                             // of lattice_field_, so that only what changes is looked at again
   std::shared_ptr<const Field> lattice_field_;  // null: before_ is of no use
+  std::optional<IVec3> rough_;                  // a brick of it that is not plain, if it is a grid with such
   double time_ = 0.0;                           // of the last frame
   bool started_ = false;
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices

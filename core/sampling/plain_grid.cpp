@@ -287,14 +287,27 @@ bool is_plain(const float* tap) {
 
 }  // namespace
 
-bool is_plain(const BrickGrid& grid) {
-  if (grid.interpolation != Interpolation::cubic) return false;
-  std::atomic<bool> plain{true};
-  for_each_index(grid.brick_coordinate.size(), [&](std::size_t b) {
-    if (plain.load(std::memory_order_relaxed) && !is_plain(&grid.tap[b * BrickGrid::kTapValues]))
-      plain.store(false, std::memory_order_relaxed);
+std::optional<IVec3> find_rough(const BrickGrid& grid, const ChangeMask* only) {
+  const std::vector<IVec3>& bricks = grid.brick_coordinate;
+  std::atomic<std::size_t> rough{bricks.size()};
+  for_each_index(bricks.size(), [&](std::size_t b) {
+    if (rough.load(std::memory_order_relaxed) != bricks.size()) return;
+    const DVec3 low = grid.origin + grid.h * DVec3(kCells * bricks[b]);
+    if (only && !only->overlaps({low, low + grid.h * double(kCells)})) return;
+    if (grid.interpolation != Interpolation::cubic || !is_plain(&grid.tap[b * BrickGrid::kTapValues]))
+      rough.store(b, std::memory_order_relaxed);
   });
-  return plain;
+  if (rough == bricks.size()) return std::nullopt;
+  return bricks[rough];
+}
+
+bool is_rough(const BrickGrid& grid, const IVec3& brick) {
+  const IVec3 at = brick - grid.table_low;
+  if (glm::any(glm::lessThan(at, IVec3(0))) || glm::any(glm::greaterThanEqual(at, grid.table_size))) return false;
+  const std::int32_t entry =
+      grid.table[(static_cast<std::size_t>(at.x) * grid.table_size.y + at.y) * grid.table_size.z + at.z];
+  return entry >= 0 && (grid.interpolation != Interpolation::cubic ||
+                        !is_plain(&grid.tap[static_cast<std::size_t>(entry) * BrickGrid::kTapValues]));
 }
 
 }  // namespace isoskin
