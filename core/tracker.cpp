@@ -9,6 +9,7 @@
 
 #include "core/frame_step.h"
 #include "core/mechanics/motion.h"
+#include "core/mesh/folds.h"
 #include "core/mesh/id_set.h"
 #include "core/mesh/independent_edits.h"
 #include "core/mesh/small_pieces.h"
@@ -327,6 +328,7 @@ void Tracker::relax(FrameReport& report) {
       Step step(report, "alter");
       const std::vector<std::uint8_t> asleep = sleeping(mesh_.vertices, options_.sleep);
       std::vector<std::uint8_t> left_alone = held_vertices(asleep, open_triangles(mesh_, asleep));
+      if (round == 0) relaxed.inverted = folded_but(asleep);
       for (std::size_t v = 0; v < asleep.size(); ++v) left_alone[v] |= asleep[v];
       alter(mesh_, options_.alter, relaxed.inverted, left_alone);
     }
@@ -336,6 +338,17 @@ void Tracker::relax(FrameReport& report) {
   report.inverted = std::size_t(std::count(relaxed.inverted.begin(), relaxed.inverted.end(), 1));
   report.quasi_critical = std::size_t(std::count(relaxed.quasi_critical.begin(), relaxed.quasi_critical.end(), 1));
   keep_awake(relaxed);
+}
+
+/// What the prediction has folded over, as Relaxed::inverted: split there, edges make more of it.
+std::vector<std::uint8_t> Tracker::folded_but(const std::vector<std::uint8_t>& asleep) {
+  if (asleep.empty()) return folded_triangles(mesh_, outward_normals(mesh_.vertices.position, *backend_));
+  const OpenPart open = open_part(mesh_, asleep);
+  const std::vector<std::uint8_t> of_part =
+      folded_triangles(open.mesh, outward_normals(open.mesh.vertices.position, *backend_));
+  std::vector<std::uint8_t> folded(mesh_.triangle_count());
+  for (std::size_t i = 0; i < of_part.size(); ++i) folded[open.triangle[i]] = of_part[i];
+  return folded;
 }
 
 /// What is not right yet does not fall asleep.
@@ -441,9 +454,10 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   if (!started_) extract_at(1.0f);
   const Index first_new = mesh_.next_id;
   inherited_.clear();
+  GrowingFilling filling(evidence.lattice, evidence.topology, *backend_);
   for (const ReskinTry& how : options_.repairs) {
     if (evidence.certificate.passed) break;
-    if (reskin(frame, evidence, how, report)) certify(frame, evidence, report);
+    if (reskin(frame, evidence, how, filling, report)) certify(frame, evidence, report);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
@@ -493,7 +507,8 @@ CertifyOptions Tracker::certify_options() const {
 }
 
 /// Whether it changed the mesh.
-bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report) {
+bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
+                     FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
   const BadSites sites = sites_of(frame, evidence, how);
@@ -503,13 +518,14 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   reskin_options.replace_all = how.replace_all;
   reskin_options.suspects_only = how.suspects_only;
   reskin_options.radius *= how.widened;
+  if (how.suspects_only) reskin_options.narrow.rounds = 0;
   reskin_options.alter = unlocked_and_still(options_.alter);
   if (how.as_extracted) reskin_options.collapse_passes = 0;
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
   const VertexTable old = mesh_.vertices;
   const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
-                                            evidence.topology, *backend_, reskin_options);
+                                            evidence.topology, *backend_, reskin_options, &filling);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
   report.repairs += 1;
   if (!how.as_extracted) settle_new_skin(first_new);

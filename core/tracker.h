@@ -192,12 +192,14 @@ private:
                                           const std::vector<Index>& open) const;
   ThinOptions thin_options() const;
   ThinMotion thin_motion(const Field& field) const;
+  std::vector<std::uint8_t> folded_but(const std::vector<std::uint8_t>& asleep);
   void keep_awake(const Relaxed& relaxed);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void update_normals(const std::optional<MeshChanges>& changes);
   void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
-  bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, FrameReport& report);
+  bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
+              FrameReport& report);
   BadSites sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const;
   double share_renewed(Index first_new) const;
   void settle_new_skin(Index first_new);

@@ -1,9 +1,7 @@
 #include "core/topology/filling.h"
 
 #include <algorithm>
-#include <queue>
-#include <tuple>
-#include <unordered_map>
+#include <functional>
 #include <utility>
 
 #include "core/mesh/triangle_mesh.h"
@@ -56,33 +54,35 @@ Filling make_filling(OpenSurface surface, Backend& backend) {
   return filling;
 }
 
-std::vector<Index> shortest_path(const Filling& filling, Index a, Index b, const std::vector<std::uint8_t>& used,
-                                 float slack) {
-  const auto& position = filling.surface.position;
+std::vector<Index> PathFinder::path(Index a, Index b, const std::vector<std::uint8_t>& used, float slack) {
+  const auto& position = filling_.surface.position;
   const Vec3 from = position[a], to = position[b];
   const float straight = glm::length(to - from);
+  const Vec3 line = straight > 0.0f ? (to - from) / straight : Vec3(0.0f);
   const auto off_line = [&](Index v) {
-    const Vec3 d = position[v] - from, line = straight > 0.0f ? (to - from) / straight : Vec3(0.0f);
+    const Vec3 d = position[v] - from;
     return glm::length(d - glm::dot(d, line) * line);
   };
-  using Entry = std::tuple<float, Index, Index>;  // cost, vertex, where it came from
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
-  std::unordered_map<Index, Index> came_from;
-  open.emplace(0.0f, a, kNone);
-  while (!open.empty()) {
-    const auto [cost, v, before] = open.top();
-    open.pop();
-    if (!came_from.emplace(v, before).second) continue;
+  ++search_;
+  open_.assign(1, {0.0f, a, kNone});
+  while (!open_.empty()) {
+    std::pop_heap(open_.begin(), open_.end(), std::greater<>());
+    const auto [cost, v, before] = open_.back();
+    open_.pop_back();
+    if (seen_in_[v] == search_) continue;
+    seen_in_[v] = search_;
+    came_from_[v] = before;
     if (v == b) {
       std::vector<Index> path;
-      for (Index at = b; at != kNone; at = came_from[at]) path.push_back(at);
+      for (Index at = b; at != kNone; at = came_from_[at]) path.push_back(at);
       std::reverse(path.begin(), path.end());
       return path;
     }
-    for (const auto& [next, triangle] : filling.edges(v)) {
-      if (came_from.count(next) || (used[next] && next != b)) continue;
+    for (const auto& [next, triangle] : filling_.edges(v)) {
+      if (seen_in_[next] == search_ || (used[next] && next != b)) continue;
       if (glm::length(position[next] - from) + glm::length(position[next] - to) > straight + slack) continue;
-      open.emplace(cost + glm::length(position[next] - position[v]) + off_line(next), next, v);
+      open_.emplace_back(cost + glm::length(position[next] - position[v]) + off_line(next), next, v);
+      std::push_heap(open_.begin(), open_.end(), std::greater<>());
     }
   }
   return {};

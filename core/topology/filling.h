@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "core/backend.h"
@@ -34,9 +35,24 @@ Filling make_filling(OpenSurface surface, Backend& backend);
 /// Outward unit normals of the field, zero where the gradient vanishes.
 std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backend);
 
-/// Shortest path on the filling's edges from a to b that keeps near the straight line and off `used` vertices (b may be
-/// one); at most `slack` longer than the line. Empty when there is none.
-std::vector<Index> shortest_path(const Filling& filling, Index a, Index b, const std::vector<std::uint8_t>& used,
-                                 float slack);
+/// Finds paths on a filling's edges. Keeps its memory from one path to the next.
+class PathFinder {
+public:
+  explicit PathFinder(const Filling& filling)
+      : filling_(filling), came_from_(filling.surface.position.size()), seen_in_(came_from_.size(), 0) {}
+
+  /// The shortest from a to b that keeps near the straight line and off `used` vertices (b may be one); at most `slack`
+  /// longer than the line. Empty when there is none.
+  std::vector<Index> path(Index a, Index b, const std::vector<std::uint8_t>& used, float slack);
+
+private:
+  using Entry = std::tuple<float, Index, Index>;  // cost, vertex, where it came from
+
+  const Filling& filling_;
+  std::vector<Index> came_from_;  // of vertices seen in this search
+  std::vector<Index> seen_in_;    // per vertex: the last search that saw it
+  Index search_ = 0;
+  std::vector<Entry> open_;  // a heap
+};
 
 }  // namespace isoskin

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <unordered_map>
 
 #include "core/mesh/one_ring.h"
 
@@ -151,11 +150,11 @@ void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filli
   std::vector<std::uint8_t> used(filling.surface.position.size(), 0);
   for (const Index target : snapped)
     if (target != kNone) used[target] = 1;
+  PathFinder paths(filling);
   for (Seam& seam : seams) {
     for (const Index h : seam.halfedge) {
       if (seam.failed) break;
-      std::vector<Index> path =
-          shortest_path(filling, snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
+      std::vector<Index> path = paths.path(snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
       if (path.empty()) seam.failed_at.push_back(h);
       for (const Index v : path) used[v] = 1;
       seam.path.push_back(std::move(path));
@@ -167,28 +166,30 @@ void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filli
 /// The directed edges of all complete paths, with their seams.
 class Barriers {
 public:
-  Barriers(const std::vector<Seam>& seams, std::size_t vertices) : on_path_(vertices, 0) {
+  Barriers(const std::vector<Seam>& seams, std::size_t vertices) : last_(vertices, kNone) {
     for (Index s = 0; s < seams.size(); ++s)
       if (seams[s].failed_at.empty())
         for (const auto& path : seams[s].path)
           for (std::size_t i = 0; i + 1 < path.size(); ++i) {
-            seam_[directed(path[i], path[i + 1])] = s;
-            on_path_[path[i]] = on_path_[path[i + 1]] = 1;
+            edge_.push_back({path[i + 1], s, last_[path[i]]});
+            last_[path[i]] = Index(edge_.size() - 1);
           }
   }
 
   /// The seam whose path runs from a to b, kNone if none does.
   Index seam(Index a, Index b) const {
-    if (!on_path_[a] || !on_path_[b]) return kNone;
-    const auto it = seam_.find(directed(a, b));
-    return it == seam_.end() ? kNone : it->second;
+    for (Index e = last_[a]; e != kNone; e = edge_[e].before)
+      if (edge_[e].to == b) return edge_[e].seam;
+    return kNone;
   }
 
 private:
-  static std::uint64_t directed(Index from, Index to) { return (std::uint64_t(from) << 32) | to; }
-
-  std::unordered_map<std::uint64_t, Index> seam_;
-  std::vector<std::uint8_t> on_path_;
+  struct Edge {
+    Index to, seam;
+    Index before;  // another edge from the same vertex
+  };
+  std::vector<Edge> edge_;
+  std::vector<Index> last_;  // per vertex: its last edge
 };
 
 /// What skin lies on the filling.

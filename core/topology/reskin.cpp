@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/mesh/folds.h"
 #include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
@@ -27,8 +28,6 @@ struct Scene {
   const MeshPieces& pieces;
   const Certificate& certificate;
   const BrickLattice& lattice;
-  const LatticeTopology& topology;
-  Backend& backend;
   const ReskinOptions& options;
   const std::vector<Vec3> normals;         // per vertex, of the field
   const std::vector<std::uint8_t> folded;  // per vertex
@@ -36,16 +35,9 @@ struct Scene {
 
 /// One byte a vertex: 1 where a triangle about it faces away from where the field's surface does.
 std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, const std::vector<Vec3>& normals) {
-  const VertexCorners corners = vertex_corners(mesh);
+  const std::vector<std::uint8_t> triangles = folded_triangles(mesh, normals);
   std::vector<std::uint8_t> folded(mesh.vertex_count());
-  for_each_index(folded.size(), [&](std::size_t v) {
-    const Vec3& p = mesh.position(Index(v));
-    for (Index i = corners.first[v]; i < corners.first[v + 1] && !folded[v]; ++i) {
-      const Index a = mesh.to(corners.corner[i]), b = mesh.from(TriangleMesh::prev(corners.corner[i]));
-      const Vec3 faces = glm::cross(mesh.position(a) - p, mesh.position(b) - p);
-      folded[v] = !(glm::dot(faces, normals[v] + normals[a] + normals[b]) > 0.0f);
-    }
-  });
+  for (Index h = 0; h < mesh.vertex.size(); ++h) folded[mesh.vertex[h]] |= triangles[h / 3];
   return folded;
 }
 
@@ -82,53 +74,6 @@ void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
     });
   }
 }
-
-/// The lattice's surface as far as `reach` about the points, to be extended where they become more.
-class FillingAbout {
-public:
-  FillingAbout(const Scene& scene, const std::vector<Vec3>& points, float reach)
-      : scene_(scene), wanted_(bricks_about(points, reach)) {
-    fill();
-  }
-
-  /// Extends it when it does not reach `least` about the points.
-  void extend(const std::vector<Vec3>& points, float least, float reach) {
-    const std::vector<std::uint8_t> needed = bricks_about(points, least);
-    bool covered = true;
-    for (std::size_t b = 0; b < needed.size() && covered; ++b) covered = needed[b] <= wanted_[b];
-    if (covered) return;
-    const std::vector<std::uint8_t> more = bricks_about(points, reach);
-    for (std::size_t b = 0; b < more.size(); ++b) wanted_[b] |= more[b];
-    fill();
-  }
-
-  const Filling& operator*() const { return filling_; }
-  const PointGrid& near() const { return *near_; }
-
-private:
-  std::vector<std::uint8_t> bricks_about(const std::vector<Vec3>& points, float reach) const {
-    const float half_brick = 0.5f * BrickLattice::kCells * float(scene_.lattice.spacing);
-    const PointGrid coarse(points, reach + std::sqrt(3.0f) * half_brick);
-    std::vector<std::uint8_t> bricks(scene_.lattice.brick_count());
-    for_each_index(bricks.size(), [&](std::size_t b) {
-      const DVec3 corner = scene_.lattice.point(BrickLattice::kCells * scene_.lattice.coordinate[b]);
-      bricks[b] = coarse.any_near(Vec3(corner) + half_brick);
-    });
-    return bricks;
-  }
-
-  void fill() {
-    const Span span("filling");
-    near_.reset();
-    filling_ = make_filling(marching_cubes_open(scene_.lattice, scene_.topology, wanted_), scene_.backend);
-    near_.emplace(filling_.surface.position, seam_reach(scene_.lattice.spacing));
-  }
-
-  const Scene& scene_;
-  std::vector<std::uint8_t> wanted_;  // per brick
-  Filling filling_;
-  std::optional<PointGrid> near_;  // of its vertices
-};
 
 /// Closed pieces of the filling that failed and that no seam has reached: those without a mesh, and those whose mesh
 /// was emptied.
@@ -186,14 +131,20 @@ public:
 
   void make_sure(Index hole) { sure_[root(hole)] = 1; }
   bool failed(Index hole) const { return failed_[root(hole)]; }
+  /// The hole that stands for its group.
+  Index first(Index hole) const { return root(hole); }
+  bool alike(Index hole) const { return alike_group(root(hole)); }
+  /// By how much filling the hole's group changes the Euler characteristic.
+  int euler_gained(Index hole) const { return euler_gained_[root(hole)]; }
 
   /// Not where what comes is what goes: one patch like the one hole.
   bool replaced(Index hole) const { return replaced_group(root(hole)); }
   bool replaces(Index patch) const { return replaced_group(root(holes_ + patch)); }
 
 private:
+  bool alike_group(Index g) const { return holes_in_[g] == 1 && patches_in_[g] == 1 && euler_gained_[g] == 0; }
   bool replaced_group(Index g) const {
-    const bool alike = holes_in_[g] == 1 && patches_in_[g] == 1 && euler_gained_[g] == 0;
+    const bool alike = alike_group(g);
     return !failed_[g] && (alike_only_ ? alike && sure_[g] : sure_[g] || !alike);
   }
   Index root(Index i) const {
@@ -233,13 +184,13 @@ void take_near(const std::vector<Vec3>& places, float radius, std::vector<Vec3>&
 class Emptied {
 public:
   Emptied(const Scene& scene, std::vector<Vec3> bad, std::vector<Vec3> left_alone)
-      : scene_(scene),
+      : scene_(&scene),
         radius_(float(scene.options.radius * scene.options.edge_length)),
         bad_(std::move(bad)),
         left_alone_(std::move(left_alone)),
         hot_(scene.mesh.vertex_count()) {
     heat(bad_);
-    reach_over_folds(scene_, hot_);
+    reach_over_folds(*scene_, hot_);
   }
 
   /// At these vertices, and about the odd sites near them that were left alone.
@@ -247,14 +198,24 @@ public:
     std::vector<Vec3> places;
     for (const Index v : vertices) {
       hot_[v] = 1;
-      places.push_back(scene_.mesh.position(v));
+      places.push_back(scene_->mesh.position(v));
     }
     std::vector<Vec3> odd;
-    take_near(places, float(scene_.options.spread * scene_.options.edge_length), left_alone_, odd);
+    take_near(places, float(scene_->options.spread * scene_->options.edge_length), left_alone_, odd);
     heat(odd);
-    reach_over_folds(scene_, hot_);
+    reach_over_folds(*scene_, hot_);
     bad_.insert(bad_.end(), places.begin(), places.end());
     bad_.insert(bad_.end(), odd.begin(), odd.end());
+  }
+
+  /// Nothing but these vertices, and the bad points about them.
+  void keep_only(std::vector<std::uint8_t> hot) {
+    hot_ = std::move(hot);
+    std::vector<Vec3> places, kept;
+    for (Index v = 0; v < hot_.size(); ++v)
+      if (hot_[v]) places.push_back(scene_->mesh.position(v));
+    take_near(places, radius_, bad_, kept);
+    bad_ = std::move(kept);
   }
 
   const std::vector<std::uint8_t>& hot() const { return hot_; }
@@ -263,24 +224,24 @@ public:
   std::vector<Vec3> points() const {
     std::vector<Vec3> points = bad_;
     for (Index v = 0; v < hot_.size(); ++v)
-      if (hot_[v]) points.push_back(scene_.mesh.position(v));
+      if (hot_[v]) points.push_back(scene_->mesh.position(v));
     return points;
   }
 
 private:
   void heat(const std::vector<Vec3>& points) {
-    const std::vector<std::uint8_t> more = hot_vertices(scene_, PointGrid(points, radius_));
+    const std::vector<std::uint8_t> more = hot_vertices(*scene_, PointGrid(points, radius_));
     for (std::size_t v = 0; v < hot_.size(); ++v) hot_[v] |= more[v];
   }
 
-  const Scene& scene_;
-  const float radius_;
+  const Scene* scene_;
+  float radius_;
   std::vector<Vec3> bad_, left_alone_;
   std::vector<std::uint8_t> hot_;
 };
 
 /// Patches are found once all seams are laid, or when it is the `last` try.
-Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const FillingAbout& filling, bool last) {
+Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const GrowingFilling& filling, bool last) {
   Cut result;
   result.holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot); });
   result.snapped = traced("seams", [&] {
@@ -347,26 +308,140 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
   return traced("weld", [&] { return weld(scene.mesh, removed, holes.seams, filling, inside, snapped); });
 }
 
-/// Holes grow until all seams fit, or no more: then those that fit are filled.
-std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGrid& near_sure, ReskinReport& report) {
-  const ReskinOptions& options = scene.options;
+/// Holes and what is needed to cut them anew elsewhere.
+struct Fitting {
+  const Scene& scene;
+  GrowingFilling& filling;
+  const PointGrid& skin;  // the mesh's vertices
+};
+
+/// Grows holes until all seams fit, `growths` times at most; whether they do. The filling is built on where it ends,
+/// and what was cut before does not go with it any more, unless it has to stay as it is.
+bool fit(const Fitting& with, Emptied& emptied, Cut& result, int growths, bool filling_stays = false) {
+  const ReskinOptions& options = with.scene.options;
   const float e = float(options.edge_length);
-  FillingAbout filling(scene, emptied.points(), float(options.margin) * e);
-  const PointGrid skin(scene.mesh.vertices.position, float(options.spread) * e);
-  for (int growth = 0; growth <= options.growths; ++growth) {
-    const bool last = growth == options.growths;
-    Cut tried = cut(scene, emptied.hot(), filling, last);
-    Misfit where = misfit(scene, tried, *filling, skin);
-    if (last || (where.vertices.empty() && where.ends.empty())) {
-      if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, report)) return welded;
-      if (report.seams == 0) break;
-      for (const Seam& seam : tried.holes.seams)
-        for (const Index h : seam.halfedge) where.vertices.push_back(scene.mesh.from(h));
-    }
+  for (int growth = 0;; ++growth) {
+    const bool last = growth == growths;
+    result = cut(with.scene, emptied.hot(), with.filling, last);
+    const Misfit where = misfit(with.scene, result, *with.filling, with.skin);
+    if (where.vertices.empty() && where.ends.empty()) return true;
+    if (last) return false;
     emptied.grow(where.vertices);
+    if (filling_stays) continue;
     std::vector<Vec3> about = emptied.points();
     about.insert(about.end(), where.ends.begin(), where.ends.end());
-    filling.extend(about, float(options.least_margin) * e, float(options.margin) * e);
+    with.filling.extend(about, float(options.least_margin) * e, float(options.margin) * e);
+  }
+}
+
+/// The change of the Euler characteristic when all holes that fit are filled.
+int euler_gained(const Cut& cut) {
+  const Groups groups(cut.holes, cut.patches, false);
+  int gained = 0;
+  for (Index hole = 0; hole < cut.holes.count(); ++hole)
+    if (groups.first(hole) == hole && !groups.failed(hole)) gained += groups.euler_gained(hole);
+  return gained;
+}
+
+/// Which of the hot vertices are needed when what lies in each cube of space is asked for itself: those whose filling
+/// does not have the topology of what it fills, or that must be replaced anyway. Cubes overlap; those asked at once do
+/// not.
+std::vector<std::uint8_t> needed(const Fitting& with, const std::vector<std::uint8_t>& hot,
+                                 const std::vector<std::uint8_t>& sure, double shift) {
+  const TriangleMesh& mesh = with.scene.mesh;
+  const NarrowOptions& how = with.scene.options.narrow;
+  const double apart = how.apart * with.scene.options.edge_length, share = how.width / how.apart;
+  std::vector<std::uint8_t> kept(hot.size());
+  for (int turn = 0; turn < 8; ++turn) {
+    const DVec3 offset = DVec3(turn >> 2 & 1, turn >> 1 & 1, turn & 1) * 0.5 + shift;
+    std::vector<std::uint8_t> asked(hot.size());
+    for_each_index(hot.size(), [&](std::size_t v) {
+      asked[v] =
+          hot[v] && glm::all(glm::lessThan(glm::fract(DVec3(mesh.position(Index(v))) / apart + offset), DVec3(share)));
+    });
+    const Cut tried = cut(with.scene, asked, with.filling, true);
+    const Groups groups(tried.holes, tried.patches, false);
+    std::vector<std::uint8_t> needs(tried.holes.count());
+    for (Index hole = 0; hole < needs.size(); ++hole) needs[hole] = groups.failed(hole) || !groups.alike(hole);
+    const auto for_each_asked = [&](const auto& visit) {
+      for (Index h = 0; h < mesh.vertex.size(); ++h)
+        if (tried.holes.of_triangle[h / 3] != kNone && asked[mesh.vertex[h]])
+          visit(mesh.vertex[h], tried.holes.of_triangle[h / 3]);
+    };
+    for_each_asked([&](Index v, Index hole) { needs[hole] |= sure[v]; });
+    for_each_asked([&](Index v, Index hole) { kept[v] |= needs[hole]; });
+  }
+  return kept;
+}
+
+/// What holes that fit are made of: vertices of large ones that change the topology, and those of others that are
+/// replaced.
+struct Worth {
+  std::vector<std::uint8_t> asking, keeping;
+};
+
+Worth worth_asking(const Scene& scene, const std::vector<std::uint8_t>& hot, const std::vector<std::uint8_t>& sure,
+                   const Cut& fitted) {
+  const TriangleMesh& mesh = scene.mesh;
+  Groups groups(fitted.holes, fitted.patches, false);
+  std::vector<Index> hole(hot.size(), kNone);
+  for (Index h = 0; h < mesh.vertex.size(); ++h)
+    if (hot[mesh.vertex[h]] && fitted.holes.of_triangle[h / 3] != kNone)
+      hole[mesh.vertex[h]] = fitted.holes.of_triangle[h / 3];
+  std::vector<std::size_t> size(fitted.holes.count(), 0);
+  for (Index v = 0; v < hole.size(); ++v) {
+    if (hole[v] == kNone) continue;
+    ++size[groups.first(hole[v])];
+    if (sure[v]) groups.make_sure(hole[v]);
+  }
+  Worth worth{std::vector<std::uint8_t>(hot.size()), std::vector<std::uint8_t>(hot.size())};
+  for (Index v = 0; v < hole.size(); ++v) {
+    if (hole[v] == kNone || !groups.replaced(hole[v])) continue;
+    const bool large = size[groups.first(hole[v])] >= scene.options.narrow.from && !groups.alike(hole[v]);
+    (large ? worth.asking : worth.keeping)[v] = 1;
+  }
+  return worth;
+}
+
+/// Cuts holes that fit down to where they are needed, as long as those change the topology as much.
+void narrow(const Fitting& with, const std::vector<std::uint8_t>& sure, Emptied& emptied, Cut& fitted) {
+  const Span span("narrow");
+  const NarrowOptions& how = with.scene.options.narrow;
+  const int wanted = euler_gained(fitted);
+  for (int round = 0; round < how.rounds; ++round) {
+    const Worth worth = worth_asking(with.scene, emptied.hot(), sure, fitted);
+    if (std::count(worth.asking.begin(), worth.asking.end(), 1) == 0) return;
+    std::vector<std::uint8_t> kept = needed(with, worth.asking, sure, round * how.shift);
+    for (std::size_t v = 0; v < kept.size(); ++v) kept[v] |= worth.keeping[v];
+    Emptied fewer = emptied;
+    fewer.keep_only(std::move(kept));
+    Cut cut;
+    if (!fit(with, fewer, cut, how.growths, true) || euler_gained(cut) != wanted) continue;
+    emptied = std::move(fewer);
+    fitted = std::move(cut);
+  }
+}
+
+/// Holes grow until all seams fit, or no more: then those that fit are filled.
+std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGrid& near_sure, GrowingFilling& filling,
+                            ReskinReport& report) {
+  const ReskinOptions& options = scene.options;
+  const float e = float(options.edge_length);
+  filling.extend(emptied.points(), float(options.least_margin) * e, float(options.margin) * e);
+  const PointGrid skin(scene.mesh.vertices.position, float(options.spread) * e);
+  const Fitting with{scene, filling, skin};
+  for (int attempt = 0; attempt <= options.growths; ++attempt) {
+    Cut tried;
+    const bool fits = fit(with, emptied, tried, options.growths - attempt);
+    if (fits && options.narrow.rounds > 0 && !options.replace_all && !options.alike_only)
+      narrow(with, hot_vertices(scene, near_sure), emptied, tried);
+    if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, report)) return welded;
+    if (!fits || report.seams == 0) break;
+    std::vector<Index> beside;
+    for (const Seam& seam : tried.holes.seams)
+      for (const Index h : seam.halfedge) beside.push_back(scene.mesh.from(h));
+    emptied.grow(beside);
+    filling.extend(emptied.points(), float(options.least_margin) * e, float(options.margin) * e);
   }
   return std::nullopt;
 }
@@ -388,10 +463,9 @@ std::size_t count_new(const TriangleMesh& mesh, Index first_new) {
 
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
-                    const ReskinOptions& options) {
+                    const ReskinOptions& options, GrowingFilling* shared) {
   const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
-  const Scene scene{
-      mesh, pieces, certificate, lattice, topology, backend, options, normals, folded_vertices(mesh, normals)};
+  const Scene scene{mesh, pieces, certificate, lattice, options, normals, folded_vertices(mesh, normals)};
   std::vector<Vec3> bad, sure, left_alone;
   for (std::size_t i = 0; i < sites.point.size(); ++i) {
     (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);
@@ -401,7 +475,9 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
   std::optional<Weld> welded;
   if (!bad.empty()) {
     Emptied emptied(scene, std::move(bad), std::move(left_alone));
-    welded = replace(scene, emptied, PointGrid(sure, float(options.radius * options.edge_length)), report);
+    std::optional<GrowingFilling> own;
+    GrowingFilling& filling = shared ? *shared : own.emplace(lattice, topology, backend);
+    welded = replace(scene, emptied, PointGrid(sure, float(options.radius * options.edge_length)), filling, report);
   }
   if (!welded) return {.holes_given_up = report.holes_given_up, .first_new_vertex = Index(mesh.vertex_count())};
   report.first_new_vertex = welded->first_new_vertex;

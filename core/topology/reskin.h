@@ -10,8 +10,19 @@
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/bad_sites.h"
 #include "core/topology/certificate.h"
+#include "core/topology/growing_filling.h"
 
 namespace isoskin {
+
+/// How holes are cut down to where they are needed.
+struct NarrowOptions {
+  int rounds = 2;         // each with other cubes that what is emptied is cut to, and asked for itself
+  double width = 5.0;     // of a cube, in units of e
+  double apart = 7.0;     // cubes that are asked at once, in units of e; the others lie half as far from those
+  double shift = 0.167;   // of a round's cubes against the one's before, along the space diagonal, in units of `apart`
+  std::size_t from = 24;  // vertices: smaller holes are not asked
+  int growths = 3;        // times holes that have become smaller are grown until their seams fit
+};
 
 struct ReskinOptions {
   double edge_length = 1.0;    // e, world units
@@ -22,10 +33,11 @@ struct ReskinOptions {
   bool suspects_only = false;  // odd sites are left alone until a seam nearer than `spread` fails
   double spread = 1.0;         // units of e
   bool alike_only = false;     // only holes whose filling has the topology of what it fills: that of the mesh stays
-  bool replace_all = false;    // all holes are filled anew, also those whose filling has the topology of what it fills
-  bool carry = true;           // rest and velocity of new vertices come from the old surface, else they are unset
-  AlterOptions alter;          // how the lattice's triangles are coarsened to near e, vertices that stay left alone
-  int collapse_passes = 3;     // calls of alter() for it
+  NarrowOptions narrow;
+  bool replace_all = false;  // all holes are filled anew, also those whose filling has the topology of what it fills
+  bool carry = true;         // rest and velocity of new vertices come from the old surface, else they are unset
+  AlterOptions alter;        // how the lattice's triangles are coarsened to near e, vertices that stay left alone
+  int collapse_passes = 3;   // calls of alter() for it
 };
 
 struct ReskinReport {
@@ -44,9 +56,9 @@ struct ReskinReport {
 /// of mesh are not; pieces that passed are not touched. The result is a closed, oriented 2-manifold; vertices that stay
 /// are not moved and keep their ids and their order; new ones come last. The filling is dense and is coarsened here;
 /// alter() and relax() of the part about it (core/mesh/mesh_part.h) make it near-equilateral. The backend must hold the
-/// field. Deterministic.
+/// field. Deterministic. `shared`: of the same lattice, topology and backend; tries for one field make it once.
 ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate, const BadSites& sites,
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
-                    const ReskinOptions& options);
+                    const ReskinOptions& options, GrowingFilling* shared = nullptr);
 
 }  // namespace isoskin
