@@ -55,13 +55,15 @@ public:
     kept_.wrong_.update(kept_.refined_, field_, changes, lattice_, topology_, least);
   }
 
-  /// Fills hidden places anew until none is left out, or it has been done often enough.
+  /// Fills hidden places anew until none is left out, or it has been done often enough; twice where many stay hidden.
   void fill() {
     const Span span("fill");
-    for (bool left_out = true; left_out && report_.fillings < options_.fillings;) {
+    constexpr std::size_t kFew = 50;  // one in so many of the places that were hidden at first
+    for (bool left_out = true; report_.fillings < options_.fillings;) {
       const std::vector<Vec3> hidden = hidden_places();
       if (report_.fillings == 0) report_.hidden = hidden.size();
-      if (hidden.empty()) return;
+      const bool many = report_.fillings < 2 && kFew * hidden.size() > report_.hidden;
+      if (hidden.empty() || (!left_out && !many)) return;
       left_out = !fill(hidden, report_.fillings);
       ++report_.fillings;
       const FieldChanges none;
@@ -147,7 +149,8 @@ private:
     return Filled{std::move(skin), !alike_only && done.holes_given_up == 0};
   }
 
-  /// Which pieces may be touched. A small one near a site is replaced whole: all of it becomes one.
+  /// Which pieces may be touched. A small one near a site is replaced whole, and so is one that would be emptied but
+  /// for scraps: all of it becomes one.
   Certificate judge(const TriangleMesh& skin, const MeshPieces& pieces, BadSites& sites) const {
     std::vector<std::vector<Index>> vertices(pieces.count());
     for (Index v = 0; v < skin.vertex_count(); ++v)
@@ -155,17 +158,22 @@ private:
     const PointGrid near(sites.point, float(options_.radius * options_.edge_length));
     const auto is_small = [&](Index piece) { return vertices[piece].size() <= options_.small_piece; };
     const auto is_near = [&](Index v) { return near.any_near(skin.position(v)); };
+    const auto is_emptied = [&](const std::vector<Index>& piece) {
+      constexpr double kMostly = 0.75;
+      return double(std::count_if(piece.begin(), piece.end(), is_near)) >= kMostly * double(piece.size());
+    };
     Certificate certificate;
     certificate.mesh_piece.assign(pieces.count(), Fault::wrong_side);
     certificate.lattice_piece.assign(topology_.piece_count(), Fault::none);
     std::vector<Index> replaced;
     for (const Cluster& cluster : match_pieces(skin, pieces, lattice_, topology_, options_.certify.least_piece)) {
-      if (cluster.mesh.size() != 1 || cluster.lattice.size() != 1 || !is_small(cluster.mesh.front())) continue;
+      if (cluster.mesh.size() != 1 || cluster.lattice.size() != 1) continue;
       const std::vector<Index>& piece = vertices[cluster.mesh.front()];
-      if (std::any_of(piece.begin(), piece.end(), is_near)) {
+      const bool small = is_small(cluster.mesh.front());
+      if (small ? std::any_of(piece.begin(), piece.end(), is_near) : is_emptied(piece)) {
         certificate.lattice_piece[cluster.lattice.front()] = Fault::wrong_side;
         replaced.insert(replaced.end(), piece.begin(), piece.end());
-      } else {
+      } else if (small) {
         certificate.mesh_piece[cluster.mesh.front()] = Fault::none;
       }
     }
