@@ -173,6 +173,14 @@ std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides) {
   return left;
 }
 
+/// Whether the mesh passes between the corner and one of those about it.
+bool is_beside_mesh(const IVec3& c, const Sides& sides) {
+  const bool inside = sides.inside_mesh(c);
+  for (int n = 0; n < 27; ++n)
+    if (sides.inside_mesh(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) != inside) return true;
+  return false;
+}
+
 /// F and |grad F| at points.
 struct Samples {
   Samples(const std::vector<Vec3>& points, Backend& backend) : value(points.size()), slope(points.size()) {
@@ -254,6 +262,15 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
       sure[c] = far.is_far(samples.value[c], samples.slope[c]) || blamed(corners[c]);
       bad[c] = suspect[c] || sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }
+    // A spike that was lost far from the mesh is to be found from where it leaves the mesh.
+    bool any_sure = false, reached = false;
+    for (std::size_t i = begin; i < end && !reached; ++i) {
+      if (!sure[order[i]]) continue;
+      any_sure = true;
+      reached = is_beside_mesh(corners[order[i]].at, sides);
+    }
+    for (std::size_t i = begin; i < end && any_sure && !reached; ++i)
+      if (is_beside_mesh(corners[order[i]].at, sides)) bad[order[i]] = suspect[order[i]] = 1;
   });
   for (const Index c : order)
     if (bad[c]) sites.add(points[c], sure[c] != 0, !suspect[c]);

@@ -32,7 +32,8 @@ struct BadSites {
 /// Corners whose side differs between mesh (`winding`, as winding_numbers gives it) and field are gathered into
 /// 26-connected clusters and flipped to the field's side, nearest to the surface first, as long as the flip is simple
 /// in both digital connectivities (see simple_point.h): there the coarse mesh merely cuts corners. What is left is
-/// where the topology may have to change. Bad are also corners that the mesh encloses twice, or beyond the tolerance,
+/// where the topology may have to change, and, of a cluster that is surely wrong but nowhere beside the mesh, where it
+/// begins there. Bad are also corners that the mesh encloses twice, or beyond the tolerance,
 /// and mesh vertices and centroids off the surface: a thread or film that the lattice is too coarse to see shows there.
 /// The backend must hold the field, from which the lattice was sampled.
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
