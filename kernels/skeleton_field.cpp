@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "embedded/skeleton_field.cl.h"
 #include "kernels/device_field.h"
@@ -141,7 +142,15 @@ struct CellGrid {
   std::vector<cl_uint> list;
 };
 
-CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t compact_first) {
+/// The cells that one element is listed in.
+struct Listed {
+  std::optional<SkeletonElement> element;
+  std::vector<std::size_t> cells;
+};
+
+/// `before`, the last grid, and `listed`, one an element of its, tell in which cells elements are that have stayed.
+CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t compact_first, const CellGrid& before,
+                   std::vector<Listed>& listed) {
   CellGrid grid;
   grid.list.resize(compact_first);
   std::iota(grid.list.begin(), grid.list.end(), 0u);
@@ -155,14 +164,21 @@ CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t com
     sum += r;
   }
   const DVec3 room = box.size();
+  // Rounded, so that cells seldom change when elements move.
+  constexpr double kCellsAnOctave = 4.0;
   const double wanted = sum / static_cast<double>(elements.size() - compact_first) / kCellsPerReach;
-  grid.cell = std::max(wanted, std::max({room.x, room.y, room.z}) / kMostCells);
-  grid.low = box.low;
+  const double least = std::max(wanted, std::max({room.x, room.y, room.z}) / kMostCells);
+  grid.cell = std::exp2(std::ceil(kCellsAnOctave * std::log2(least)) / kCellsAnOctave);
+  grid.low = grid.cell * glm::floor(box.low / grid.cell);
   for (int i = 0; i < 3; ++i)
-    grid.size[i] = std::clamp(static_cast<int>(std::ceil(room[i] / grid.cell)), 1, kMostCells + 1);
+    grid.size[i] = std::clamp(static_cast<int>(std::ceil((box.high[i] - grid.low[i]) / grid.cell)), 1, kMostCells + 1);
+  if (grid.low != before.low || grid.cell != before.cell || grid.size != before.size) listed.clear();
+  listed.resize(elements.size());
 
-  const auto for_each_cell = [&](std::size_t i, const auto& body) {
+  const auto list = [&](std::size_t i) {
     const SkeletonElement& e = elements[i];
+    if (listed[i].element == e) return;
+    listed[i] = {e, {}};
     const double near = reach(e) + grid.cell * (0.5 * std::sqrt(3.0) + kRoundingSlack);
     const auto cell_of = [&](const DVec3& p) {
       return glm::clamp(IVec3(glm::floor((p - grid.low) / grid.cell)), IVec3(0), grid.size - 1);
@@ -173,18 +189,20 @@ CellGrid cell_grid(const std::vector<SkeletonElement>& elements, std::size_t com
       for (int y = from.y; y <= to.y; ++y)
         for (int z = from.z; z <= to.z; ++z)
           if (glm::length(offset_from(e, grid.low + grid.cell * (DVec3(x, y, z) + 0.5)).x) <= near)
-            body((static_cast<std::size_t>(x) * grid.size.y + y) * grid.size.z + z);
+            listed[i].cells.push_back((static_cast<std::size_t>(x) * grid.size.y + y) * grid.size.z + z);
   };
   const std::size_t cells = static_cast<std::size_t>(grid.size.x) * grid.size.y * grid.size.z;
   grid.first.assign(cells + 1, 0);
-  for (std::size_t i = compact_first; i < elements.size(); ++i)
-    for_each_cell(i, [&](std::size_t c) { ++grid.first[c + 1]; });
+  for (std::size_t i = compact_first; i < elements.size(); ++i) {
+    list(i);
+    for (const std::size_t c : listed[i].cells) ++grid.first[c + 1];
+  }
   grid.first[0] = static_cast<cl_uint>(compact_first);
   std::partial_sum(grid.first.begin(), grid.first.end(), grid.first.begin());
   grid.list.resize(grid.first.back());
   std::vector<cl_uint> at(grid.first.begin(), grid.first.end() - 1);
   for (std::size_t i = compact_first; i < elements.size(); ++i)
-    for_each_cell(i, [&](std::size_t c) { grid.list[at[c]++] = static_cast<cl_uint>(i); });
+    for (const std::size_t c : listed[i].cells) grid.list[at[c]++] = static_cast<cl_uint>(i);
   return grid;
 }
 
@@ -241,7 +259,8 @@ private:
     const std::vector<SkeletonElement> elements = in_order(field.elements());
     std::size_t compact_first = std::find_if(elements.begin(), elements.end(), is_compact) - elements.begin();
     if (elements.size() - compact_first <= kLoopAll) compact_first = elements.size();
-    assign(elements, cell_grid(elements, compact_first), compact_first, field.iso(), field.origin());
+    grid_ = cell_grid(elements, compact_first, grid_, listed_);
+    assign(elements, grid_, compact_first, field.iso(), field.origin());
   }
 
   static DVec3 middle_of(const std::vector<SkeletonElement>& elements) {
@@ -273,6 +292,8 @@ private:
   }
 
   int width_;
+  CellGrid grid_;  // of the last skeleton that was no blend graph
+  std::vector<Listed> listed_;
   Array<SkeletonElementData> elements_;
   Array<cl_uint> first_, list_;
   SkeletonParams params_{};
