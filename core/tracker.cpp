@@ -492,7 +492,9 @@ void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
 
 void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
-  evidence.pieces = mesh_pieces(mesh_);
+  const MeshCopy* const before = before_.sides.mesh.get();
+  evidence.pieces =
+      before ? mesh_pieces(mesh_, *before, before_.pieces, mesh_changes(*before, mesh_)) : mesh_pieces(mesh_);
   evidence.sides = before_.sides;
   evidence.certificate = isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology,
                                           certify_options(), &evidence.sides);

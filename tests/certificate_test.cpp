@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -9,6 +10,7 @@
 #include "analytic_fields.h"
 #include "core/mesh/edit.h"
 #include "core/mesh/validate.h"
+#include "core/refine/shape_sums.h"
 #include "digital_topology.h"
 #include "sanitized.h"
 #include "solid_field.h"
@@ -167,12 +169,14 @@ void edit_somewhere(TriangleMesh& mesh, std::mt19937& random) {
   compact(mesh);
 }
 
-TEST(Certificate, WhatIsRememberedOfSidesChangesNoReport) {
+TEST(Certificate, WhatIsRememberedChangesNoReport) {
   Judge sphere(both(ball({-0.7, 0.0, 0.0}, 0.5), ball({0.7, 0.0, 0.0}, 0.6)));
   sphere.lattice.same_as.resize(sphere.lattice.brick_count());
   std::iota(sphere.lattice.same_as.begin(), sphere.lattice.same_as.end(), Index{0});
   const TriangleMesh right = sphere.mesh();
   SideMemory memory;
+  MeshPieces pieces_before;
+  ShapeSums shape;
   std::mt19937 random(5);
   std::size_t wrong = 0;
   for (int frame = 0; frame < 24; ++frame) {
@@ -183,6 +187,22 @@ TEST(Certificate, WhatIsRememberedOfSidesChangesNoReport) {
       if (glm::distance(p, centre) < 0.25f) p += depth * glm::normalize(Vec3(p.x < 0 ? -0.7f : 0.7f, 0, 0) - p);
     edit_somewhere(mesh, random);
     const MeshPieces pieces = mesh_pieces(mesh);
+    const std::shared_ptr<const MeshCopy> before = memory.mesh;
+    if (before) {
+      const MeshChanges changes = mesh_changes(*before, mesh);
+      EXPECT_LT(changes.fresh.size(), mesh.triangle_count() / 2);
+      const MeshPieces gone_on = mesh_pieces(mesh, *before, pieces_before, changes);
+      EXPECT_EQ(gone_on.of_vertex, pieces.of_vertex);
+      EXPECT_EQ(gone_on.euler, pieces.euler);
+      EXPECT_EQ(gone_on.volume, pieces.volume);
+      shape.update(*before, mesh, changes);
+      const ShapeStatistics a = shape.statistics(), b = ShapeSums(mesh, 0.1).statistics();
+      EXPECT_EQ(std::tie(a.min_angle, a.p1_angle, a.mean_angle, a.below_10_degrees, a.mean_edge, a.area),
+                std::tie(b.min_angle, b.p1_angle, b.mean_angle, b.below_10_degrees, b.mean_edge, b.area));
+    } else {
+      shape = ShapeSums(mesh, 0.1);
+    }
+    pieces_before = pieces;
     BrickLattice lattice = sphere.lattice;
     if (frame % 4 == 1) lattice.same_as[random() % lattice.brick_count()] = kNone;
     const SideReport whole = check_sides(mesh, pieces, *sphere.field, lattice, sphere.topology, kTolerance);

@@ -304,7 +304,7 @@ Interval SkeletonField::range(const Box& box) const {
   return {sum.low - rounding * low_size, sum.high + rounding * high_size};
 }
 
-Box SkeletonField::bounds() const {
+Box SkeletonField::find_bounds() const {
   Box core, support;
   bool compact = true;
   for (const SkeletonElement& e : elements_) {

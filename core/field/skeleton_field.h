@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "core/field/element_grid.h"
@@ -24,7 +25,10 @@ public:
   DMat3 hessian(const DVec3& p) const override;
   /// Tight to about 1/64 of its size. A surface that has no bound (iso 0, weights of both signs) is cut off at 1000
   /// times the size of the skeleton.
-  Box bounds() const override;
+  Box bounds() const override {
+    std::call_once(bounds_->once, [&] { bounds_->box = find_bounds(); });
+    return bounds_->box;
+  }
   /// Every potential falls with distance, and distances over a box are bounded exactly for points and Euclidean
   /// segments, closely for the others.
   Interval range(const Box& box) const override;
@@ -42,6 +46,13 @@ public:
   DVec3 origin() const;
 
 private:
+  Box find_bounds() const;
+
+  struct Bounds {
+    std::once_flag once;
+    Box box;
+  };
+  std::shared_ptr<Bounds> bounds_ = std::make_shared<Bounds>();  // found when first asked for; copies have the same
   std::vector<SkeletonElement> elements_;
   std::vector<Box> support_;           // of each element
   ElementGrid near_;                   // of the supports

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <numeric>
+#include <optional>
+#include <utility>
 
 #include "core/mesh/id_set.h"
 #include "core/parallel.h"
@@ -95,6 +98,68 @@ private:
   Index old_ = 0, now_ = 0;
 };
 
+/// What some triangles join of the vertices of both meshes: those of the copy, then those of the mesh that are new.
+class Joined {
+public:
+  explicit Joined(std::size_t vertices) : parent_(vertices), used_(vertices, 0) {
+    std::iota(parent_.begin(), parent_.end(), Index{0});
+  }
+
+  void join(Index a, Index b, Index c) {
+    used_[a] = used_[b] = used_[c] = 1;
+    const Index root = std::min({find(a), find(b), find(c)});
+    for (const Index v : {a, b, c}) parent_[find(v)] = root;
+  }
+  Index find(Index v) {
+    while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
+    return v;
+  }
+  bool uses(Index v) const { return used_[v] != 0; }
+
+private:
+  std::vector<Index> parent_;
+  std::vector<std::uint8_t> used_;
+};
+
+/// Labels as labelled_pieces() wants them, below the number of pieces before; nothing where they may be others.
+std::optional<std::vector<Index>> labels_after(const TriangleMesh& mesh, const MeshCopy& before,
+                                               const MeshPieces& pieces_before, const MeshChanges& changes) {
+  const std::vector<Index>& was = changes.vertex_before;
+  std::vector<Index> label(mesh.vertex_count(), kNone);
+  for_each_index(label.size(), [&](std::size_t v) {
+    if (was[v] != kNone) label[v] = pieces_before.of_vertex[was[v]];
+  });
+  if (changes.gone.empty() && changes.fresh.empty()) return label;
+
+  const Index first_new = Index(before.id.size());
+  const auto name = [&](Index v) { return was[v] == kNone ? first_new + v : was[v]; };
+  Joined gone(first_new), fresh(first_new + mesh.vertex_count());
+  for (const Index t : changes.gone) {
+    const Index* v = &before.vertex[3 * t];
+    gone.join(v[0], v[1], v[2]);
+  }
+  for (const Index t : changes.fresh) {
+    const Index* v = &mesh.vertex[3 * t];
+    fresh.join(name(v[0]), name(v[1]), name(v[2]));
+  }
+  std::vector<Index> fresh_of_gone(first_new, kNone), gone_of_fresh(first_new + mesh.vertex_count(), kNone);
+  const auto agree = [](Index& known, Index found) { return std::exchange(known, found) == found; };
+  for (Index v = 0; v < label.size(); ++v) {
+    if (was[v] == kNone || (!gone.uses(was[v]) && !fresh.uses(was[v]))) continue;
+    if (!gone.uses(was[v]) || !fresh.uses(was[v])) return std::nullopt;
+    const Index a = gone.find(was[v]), b = fresh.find(was[v]);
+    const bool known = fresh_of_gone[a] != kNone || gone_of_fresh[b] != kNone;
+    if (!(agree(fresh_of_gone[a], b) & agree(gone_of_fresh[b], a)) && known) return std::nullopt;
+  }
+  for (Index v = 0; v < label.size(); ++v) {
+    if (was[v] != kNone || !fresh.uses(name(v))) continue;
+    const Index like = gone_of_fresh[fresh.find(name(v))];
+    if (like == kNone) return std::nullopt;  // a piece that was not there
+    label[v] = pieces_before.of_vertex[like];
+  }
+  return label;
+}
+
 }  // namespace
 
 MeshChanges mesh_changes(const MeshCopy& before, const TriangleMesh& mesh) {
@@ -107,6 +172,14 @@ MeshChanges mesh_changes(const MeshCopy& before, const TriangleMesh& mesh) {
   });
   Walk(before, mesh, changes).run();
   return changes;
+}
+
+MeshPieces mesh_pieces(const TriangleMesh& mesh, const MeshCopy& before, const MeshPieces& pieces_before,
+                       const MeshChanges& changes) {
+  constexpr std::size_t kMostChanged = 8;  // one in so many triangles; where more have, joining all takes no longer
+  if (changes.fresh.size() * kMostChanged > mesh.triangle_count()) return mesh_pieces(mesh);
+  const auto label = labels_after(mesh, before, pieces_before, changes);
+  return label ? labelled_pieces(mesh, *label, pieces_before.count()) : mesh_pieces(mesh);
 }
 
 }  // namespace isoskin

@@ -29,4 +29,9 @@ struct MeshChanges {
 /// another, more counts as changed than has.
 MeshChanges mesh_changes(const MeshCopy& before, const TriangleMesh& mesh);
 
+/// mesh_pieces(mesh), from those of the mesh before: where what is gone and what is fresh join the same vertices, what
+/// hangs together is still the same.
+MeshPieces mesh_pieces(const TriangleMesh& mesh, const MeshCopy& before, const MeshPieces& pieces_before,
+                       const MeshChanges& changes);
+
 }  // namespace isoskin

@@ -271,19 +271,27 @@ MeshPieces mesh_pieces(const TriangleMesh& mesh) {
     }
   });
 
+  std::vector<Index> label(n, kNone);
+  for (Index v = 0; v < n; ++v)
+    if (used[v]) label[v] = sets.root(v);
+  return labelled_pieces(mesh, label, n);
+}
+
+MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels) {
+  const std::size_t n = mesh.vertex_count(), triangles = mesh.triangle_count();
   MeshPieces pieces;
   pieces.of_vertex.assign(n, kNone);
-  std::vector<Index> origin;
+  std::vector<Index> origin, piece_of(labels, kNone);
   for (Index v = 0; v < n; ++v) {
-    if (!used[v]) continue;
-    const Index root = sets.root(v);  // the smallest vertex of the piece, so numbered before v
-    if (root == v) {
-      pieces.of_vertex[v] = Index(origin.size());
+    if (label[v] == kNone) continue;
+    Index& piece = piece_of[label[v]];
+    if (piece == kNone) {
+      piece = Index(origin.size());
       origin.push_back(v);
       pieces.euler.push_back(0);
     }
-    pieces.of_vertex[v] = pieces.of_vertex[root];
-    ++pieces.euler[pieces.of_vertex[v]];
+    pieces.of_vertex[v] = piece;
+    ++pieces.euler[piece];
   }
 
   // Six times the signed volume under each triangle, seen from its piece's first vertex to keep cancellation small.

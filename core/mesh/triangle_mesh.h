@@ -75,6 +75,9 @@ struct MeshPieces {
   std::size_t count() const { return euler.size(); }
 };
 MeshPieces mesh_pieces(const TriangleMesh& mesh);
+/// The same where it is known what hangs together: one label below `labels` a piece at its vertices, kNone at unused
+/// ones.
+MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels);
 
 /// Keeps the triangles t with keep[t] != 0, drops unused vertices, renumbers both in order and relinks. Every kept set
 /// must be a union of whole pieces (else throws std::invalid_argument through link_twins).
