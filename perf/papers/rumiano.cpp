@@ -187,7 +187,7 @@ void add_local_row(Page& page, int count, int moving) {
   constexpr int kFrames = 7, kStart = 3;  // skin needs some frames to fall asleep
   TrackOptions options;
   options.edge_length = 0.12;
-  options.refine.sagitta = 0.0f;
+  options.sagitta = 0.0;
   options = resolved(options, *lattice_of_balls(count, moving, 0));
   Tracker tracker(make_opencl_backend(), options);
   std::map<std::string, std::vector<double>> steps;
