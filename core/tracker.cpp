@@ -207,6 +207,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   Evidence evidence = sample(frame, report);
   move(frame, evidence, report);
   relax(report);
+  certify(evidence, report);
+  look_closer(frame, evidence, report);
   handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
@@ -217,7 +219,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   {
     Step step(report, "refine");
-    geometric_.update(mesh_, *frame.field, started_ ? &changes_ : nullptr, evidence.lattice, evidence.topology,
+    const bool goes_on = goes_on_ && evidence.field == frame.field;
+    geometric_.update(mesh_, *frame.field, goes_on ? &changes_ : nullptr, evidence.lattice, evidence.topology,
                       *backend_, {options_.refine, options_.project, options_.edge_length, certify_options()});
   }
   if (options_.self_intersections) {
@@ -240,7 +243,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     for (const TriangleMesh* mesh : {&std::as_const(mesh_), &geometric().mesh})
       if (const ValidateReport valid = validate(*mesh); !valid)
         throw std::logic_error(fmt::format("frame {}: {}", frame.frame, valid.reason));
-  last_field_ = lattice_field_ = frame.field;
+  last_field_ = frame.field;
   before_ = std::move(evidence);
   before_.sides.changes.reset();
   time_ = frame.time;
@@ -279,6 +282,7 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
   Step step(report, "predict");
+  fold_in_flaps(frame, evidence);
   // What has fallen asleep in this frame has moved since this was last looked at.
   SleepOptions longer = options_.sleep;
   ++longer.rest_frames;
@@ -295,7 +299,7 @@ bool Tracker::collides(const Field& field) const {
 /// the mesh.
 bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                       FrameReport& report) {
-  certify(frame, evidence, report);
+  certify(evidence, report);
   if (evidence.certificate.passed) return false;
   Step step(report, "collide");
   const auto begin = Clock::now();
@@ -417,12 +421,13 @@ ThinOptions Tracker::thin_options() const {
 Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) {
   Step step(report, "certify");
   Evidence evidence;
-  const bool goes_on = started_ && lattice_field_ == last_field_;
-  lattice_field_ = nullptr;
+  evidence.field = frame.field;
+  goes_on_ = started_ && before_.field == last_field_;
+  before_.field = nullptr;
   if (!has_critical_points(*frame.field)) last_field_ = nullptr;  // a grid is large, and changes_ says what is needed
-  const double spacing = lattice_spacing(*frame.field, goes_on);
+  const double spacing = lattice_spacing(*frame.field, goes_on_);
   const bool same_spacing = std::abs(before_.lattice.spacing - spacing) < 0.25 * spacing;
-  evidence.lattice = goes_on && same_spacing
+  evidence.lattice = goes_on_ && same_spacing
                          ? resample_lattice(std::move(before_.lattice), changes_, *frame.field, *backend_)
                          : sampling::sample_anew(std::move(before_.lattice), *frame.field, *backend_, spacing);
   evidence.topology = lattice_topology(evidence.lattice, std::move(before_.topology));
@@ -444,12 +449,11 @@ double Tracker::lattice_spacing(const Field& field, bool goes_on) {
 }
 
 void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
-  certify(frame, evidence, report);
   report.certificate = evidence.certificate.summary();
   const auto extract_at = [&](float coarsening) {
     if (evidence.certificate.passed) return;
     reextract(frame, evidence, coarsening, report);
-    certify(frame, evidence, report);
+    certify(evidence, report);
   };
   if (!started_) extract_at(1.0f);
   const Index first_new = mesh_.next_id;
@@ -457,7 +461,7 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   GrowingFilling filling(evidence.lattice, evidence.topology, *backend_);
   for (const ReskinTry& how : options_.repairs) {
     if (evidence.certificate.passed) break;
-    if (reskin(frame, evidence, how, filling, report)) certify(frame, evidence, report);
+    if (reskin(frame, evidence, how, filling, report)) certify(evidence, report);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
@@ -490,13 +494,13 @@ void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
   normals_ = std::move(normals);
 }
 
-void Tracker::certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
+void Tracker::certify(Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
   const MeshCopy* const before = before_.sides.mesh.get();
   evidence.pieces =
       before ? mesh_pieces(mesh_, *before, before_.pieces, mesh_changes(*before, mesh_)) : mesh_pieces(mesh_);
   evidence.sides = before_.sides;
-  evidence.certificate = isoskin::certify(mesh_, evidence.pieces, *frame.field, evidence.lattice, evidence.topology,
+  evidence.certificate = isoskin::certify(mesh_, evidence.pieces, *evidence.field, evidence.lattice, evidence.topology,
                                           certify_options(), &evidence.sides);
 }
 

@@ -153,6 +153,7 @@ public:
 private:
   /// What a frame's mesh is judged by.
   struct Evidence {
+    std::shared_ptr<const Field> field;  // that the lattice was sampled from
     BrickLattice lattice;
     LatticeTopology topology;
     MeshPieces pieces;
@@ -182,6 +183,7 @@ private:
   Evidence sample(const FieldFrame& frame, FrameReport& report);
   double lattice_spacing(const Field& field, bool goes_on);
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  void fold_in_flaps(const FieldFrame& frame, const Evidence& evidence);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);
@@ -194,9 +196,10 @@ private:
   ThinMotion thin_motion(const Field& field) const;
   std::vector<std::uint8_t> folded_but(const std::vector<std::uint8_t>& asleep);
   void keep_awake(const Relaxed& relaxed);
+  void look_closer(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void update_normals(const std::optional<MeshChanges>& changes);
-  void certify(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  void certify(Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
   bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
               FrameReport& report);
@@ -209,12 +212,12 @@ private:
   std::unique_ptr<Backend> backend_;
   TrackOptions options_;
   std::shared_ptr<const Field> last_field_;
-  FieldChanges changes_;                        // from it to the frame's
-  Evidence before_;                             // of lattice_field_, so that only what changes is looked at again
-  std::shared_ptr<const Field> lattice_field_;  // null: before_ is of no use
-  std::optional<IVec3> rough_;                  // a brick of it that is not plain, if it is a grid with such
-  double time_ = 0.0;                           // of the last frame
+  FieldChanges changes_;        // from it to the frame's
+  Evidence before_;             // of its field, so that only what changes is looked at again; no field: it is of no use
+  std::optional<IVec3> rough_;  // a brick of it that is not plain, if it is a grid with such
+  double time_ = 0.0;           // of the last frame
   bool started_ = false;
+  bool goes_on_ = false;            // this frame's lattice was made from the last one's
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_;
   std::vector<Vec3> normals_;

@@ -3,7 +3,10 @@
 #include <utility>
 
 #include "core/frame_step.h"
+#include "core/topology/clear_of_zero.h"
 #include "core/topology/droplets.h"
+#include "core/topology/flaps.h"
+#include "core/topology/sides.h"
 #include "core/topology/thin_motion.h"
 #include "core/tracker.h"
 
@@ -88,6 +91,34 @@ ThinMotion Tracker::thin_motion(const Field& field) const {
   ThinOptions options = thin_options();
   options.thin = kThin;
   return ThinMotion(mesh_, paths_, lies_on_ ? *lies_on_ : field, field, options);
+}
+
+/// Grids leave flaps to the repairs.
+void Tracker::fold_in_flaps(const FieldFrame& frame, const Evidence& evidence) {
+  constexpr double kShare = 0.5;  // of the tolerance
+  if (!started_ || frame.field->resolution() > 0.0) return;
+  const FarCorners far(*evidence.field, evidence.lattice, options_.tolerance);
+  collapse_flaps(mesh_, *frame.field, *backend_, sleeping(mesh_.vertices, options_.sleep),
+                 [&](double value, double slope) { return far.is_far(value, slope, kShare); });
+}
+
+/// Where necks and gaps are too thin for the lattice, the mesh that critical points tell of them is right, and not the
+/// lattice: a field is looked at on which they are wider.
+void Tracker::look_closer(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
+  if (evidence.certificate.passed || critical_.field != frame.field) return;
+  ClearOptions clear;
+  clear.length = options_.lattice_spacing;
+  const std::shared_ptr<const Field> wider = clear_of_zero(*frame.field, critical_.points, clear);
+  if (!wider) return;
+  {
+    Step step(report, "certify");
+    backend_->set_field(wider);
+    evidence.field = wider;
+    evidence.lattice = sample_lattice(*wider, *backend_, options_.lattice_spacing);
+    evidence.topology = lattice_topology(evidence.lattice);
+    backend_->set_field(frame.field);
+  }
+  certify(evidence, report);
 }
 
 }  // namespace isoskin

@@ -5,7 +5,9 @@
 #include "core/field/skeleton_field.h"
 #include "core/mesh/small_pieces.h"
 #include "core/mesh/validate.h"
+#include "core/topology/clear_of_zero.h"
 #include "core/topology/droplets.h"
+#include "core/topology/flaps.h"
 #include "core/topology/thin_motion.h"
 #include "tests/analytic_fields.h"
 #include "tests/test_meshes.h"
@@ -134,6 +136,56 @@ TEST(ThinMotion, keeps_a_ring_about_a_waist_that_moves_aside_by_more_than_its_ra
     EXPECT_GT(glm::dot(glm::normalize(d), way(v)), 0.99);
     EXPECT_NEAR(mesh.vertices.velocity[v].y, 0.2, 0.01);
   }
+}
+
+/// Two balls of radius 1 that just touch, or do not.
+TEST(ClearOfZero, widens_necks_and_gaps_but_keeps_their_signs) {
+  for (const double iso : {0.2405, 0.2407, 0.18}) {
+    SkeletonElement left, right;
+    left.a = left.b = {-0.71, 0.0, 0.0};
+    right.a = right.b = {0.71, 0.0, 0.0};
+    const double middle = 2.0 * std::pow(1.0 - 0.71 * 0.71, 3.0);  // F + iso at the origin, 0.244
+    const SkeletonField field({left, right}, iso + middle - 0.2406);
+    CriticalOptions critical;
+    critical.edge_length = 0.1;
+    const CriticalPoint saddle = describe_critical_point(field, DVec3(0.0), critical);
+    ASSERT_EQ(saddle.kind, CriticalKind::two_saddle);
+    ClearOptions options;
+    options.length = 0.05;
+    const auto wider = clear_of_zero(field, std::span(&saddle, 1), options);
+    if (iso == 0.18) {
+      EXPECT_EQ(wider, nullptr);  // a thick neck
+      continue;
+    }
+    ASSERT_NE(wider, nullptr);
+    const double value = wider->value(DVec3(0.0));
+    const DVec3 size = glm::abs(saddle.hessian.values);
+    const double curvature = saddle.value > 0.0 ? std::max(size.x, size.y) : size.z;
+    EXPECT_EQ(value > 0.0, saddle.value > 0.0);
+    EXPECT_NEAR(std::abs(value), 0.5 * curvature * 0.05 * 0.05, 1e-9);
+    EXPECT_EQ(describe_critical_point(*wider, DVec3(0.0), critical).kind, CriticalKind::two_saddle);
+    EXPECT_EQ(wider->value({0.4, 0.0, 0.0}), field.value({0.4, 0.0, 0.0}));  // beyond the farthest
+  }
+}
+
+/// A vertex of a sphere that has come to lie on its far side pulls a double sheet through the ball.
+TEST(Flaps, that_span_a_ball_are_collapsed) {
+  const SkeletonField field({SkeletonElement{}}, 0.2);
+  const float radius = float(std::sqrt(1.0 - std::cbrt(0.2)));
+  TriangleMesh mesh = test_meshes::icosphere(3);
+  for (Vec3& p : mesh.vertices.position) p = radius * glm::normalize(p);
+  const std::size_t vertices = mesh.vertex_count();
+  const auto backend = make_reference_backend();
+  backend->set_field(std::make_shared<SkeletonField>(field));
+  const IsFar is_far = [](double value, double slope) { return std::abs(value) > 0.2 * std::max(slope, 0.5); };
+  EXPECT_EQ(collapse_flaps(mesh, field, *backend, {}, is_far), 0u);
+  mesh.vertices.position[100] = -mesh.vertices.position[100];
+  EXPECT_EQ(collapse_flaps(mesh, field, *backend, std::vector<std::uint8_t>(vertices, 1), is_far), 0u);
+  EXPECT_EQ(collapse_flaps(mesh, field, *backend, {}, is_far), 1u);
+  EXPECT_EQ(mesh.vertex_count(), vertices - 1);
+  EXPECT_TRUE(validate(mesh));
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+  EXPECT_EQ(collapse_flaps(mesh, field, *backend, {}, is_far), 0u);
 }
 
 }  // namespace
