@@ -19,7 +19,6 @@
 #include "core/sampling/plain_grid.h"
 #include "core/sampling/sampling_steps.h"
 #include "core/topology/bad_sites.h"
-#include "core/topology/collisions.h"
 #include "core/topology/crumples.h"
 #include "core/topology/droplets.h"
 #include "core/topology/inherit_ids.h"
@@ -116,16 +115,6 @@ AlterOptions unlocked_and_still(AlterOptions options) {
   options.respect_locks = false;
   options.dt = 0.0f;
   return options;
-}
-
-/// One byte a vertex: whether its piece has another topology than the field.
-std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certificate& certificate) {
-  std::vector<std::uint8_t> failed(pieces.of_vertex.size());
-  for_each_index(failed.size(), [&](std::size_t v) {
-    const Fault fault = pieces.of_vertex[v] == kNone ? Fault::none : certificate.mesh_piece[pieces.of_vertex[v]];
-    failed[v] = fault != Fault::none && fault != Fault::wrong_side;
-  });
-  return failed;
 }
 
 /// Seen along the surface what lies beside it looks several times as far off: so much keeps 99 % of depths within 0.25
@@ -287,39 +276,6 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
   SleepOptions longer = options_.sleep;
   ++longer.rest_frames;
   grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length, sleeping(mesh_.vertices, longer));
-}
-
-/// On grids collisions save a fifth of what local re-skins replace and take longer than that saves (perf/results.md).
-bool Tracker::collides(const Field& field) const {
-  return options_.topology == Topology::collision ||
-         (options_.topology == Topology::automatic && !has_critical_points(field) && field.resolution() == 0.0);
-}
-
-/// Operates on the pieces that fail the certificate, as they were before they were predicted; true when that changed
-/// the mesh.
-bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
-                      FrameReport& report) {
-  certify(evidence, report);
-  if (evidence.certificate.passed) return false;
-  Step step(report, "collide");
-  const auto begin = Clock::now();
-  VertexTable predicted = std::exchange(mesh_.vertices, before);
-  CollisionOptions options;
-  options.edge_length = options_.edge_length;
-  const CollisionReport done =
-      handle_collisions(mesh_, predicted.position, *backend_, *frame.field,
-                        failed_vertices(evidence.pieces, evidence.certificate), split, options);
-  if (done.events.empty()) {
-    mesh_.vertices = std::move(predicted);
-    return false;
-  }
-  split.insert(split.end(), done.split.begin(), done.split.end());
-  const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
-  for (const CollisionEvent& event : done.events) {
-    ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
-    report.reextracted[0] += share_of_area(event.area);
-  }
-  return true;
 }
 
 void Tracker::relax(FrameReport& report) {

@@ -4,6 +4,7 @@
 
 #include "core/frame_step.h"
 #include "core/topology/clear_of_zero.h"
+#include "core/topology/collisions.h"
 #include "core/topology/droplets.h"
 #include "core/topology/flaps.h"
 #include "core/topology/sides.h"
@@ -91,6 +92,39 @@ ThinMotion Tracker::thin_motion(const Field& field) const {
   ThinOptions options = thin_options();
   options.thin = kThin;
   return ThinMotion(mesh_, paths_, lies_on_ ? *lies_on_ : field, field, options);
+}
+
+/// On grids collisions save a fifth of what local re-skins replace and take longer than that saves (perf/results.md).
+bool Tracker::collides(const Field& field) const {
+  return options_.topology == Topology::collision ||
+         (options_.topology == Topology::automatic && !has_critical_points(field) && field.resolution() == 0.0);
+}
+
+/// Operates on the pieces that fail the certificate, as they were before they were predicted; true when that changed
+/// the mesh.
+bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
+                      FrameReport& report) {
+  certify(evidence, report);
+  if (evidence.certificate.passed) return false;
+  Step step(report, "collide");
+  const auto begin = std::chrono::steady_clock::now();
+  VertexTable predicted = std::exchange(mesh_.vertices, before);
+  CollisionOptions options;
+  options.edge_length = options_.edge_length;
+  const CollisionReport done =
+      handle_collisions(mesh_, predicted.position, *backend_, *frame.field,
+                        failed_vertices(evidence.pieces, evidence.certificate), split, options);
+  if (done.events.empty()) {
+    mesh_.vertices = std::move(predicted);
+    return false;
+  }
+  split.insert(split.end(), done.split.begin(), done.split.end());
+  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  for (const CollisionEvent& event : done.events) {
+    ledger_.push_back({frame.frame, frame.time, event.kind, 1, event.position, event.vertices, ms});
+    report.reextracted[0] += share_of_area(event.area);
+  }
+  return true;
 }
 
 /// Grids leave flaps to the repairs.

@@ -91,4 +91,13 @@ Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Fi
   return certificate;
 }
 
+std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certificate& certificate) {
+  std::vector<std::uint8_t> failed(pieces.of_vertex.size());
+  for_each_index(failed.size(), [&](std::size_t v) {
+    const Fault fault = pieces.of_vertex[v] == kNone ? Fault::none : certificate.mesh_piece[pieces.of_vertex[v]];
+    failed[v] = fault != Fault::none && fault != Fault::wrong_side;
+  });
+  return failed;
+}
+
 }  // namespace isoskin

@@ -53,4 +53,7 @@ struct Certificate {
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
                     const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory = nullptr);
 
+/// One byte a vertex: whether its piece has another topology than the field.
+std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certificate& certificate);
+
 }  // namespace isoskin
