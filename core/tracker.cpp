@@ -195,9 +195,12 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   operate(frame, report);
   Evidence evidence = sample(frame, report);
   move(frame, evidence, report);
+  const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
+  const TriangleMesh predicted = may_have_flaps ? mesh_ : TriangleMesh{};
   relax(report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
+  if (may_have_flaps && !evidence.certificate.passed) fold_in_flaps(predicted, frame, evidence, report);
   handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
@@ -271,7 +274,6 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
   Step step(report, "predict");
-  fold_in_flaps(frame, evidence);
   // What has fallen asleep in this frame has moved since this was last looked at.
   SleepOptions longer = options_.sleep;
   ++longer.rest_frames;

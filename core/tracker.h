@@ -183,7 +183,7 @@ private:
   Evidence sample(const FieldFrame& frame, FrameReport& report);
   double lattice_spacing(const Field& field, bool goes_on);
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
-  void fold_in_flaps(const FieldFrame& frame, const Evidence& evidence);
+  void fold_in_flaps(TriangleMesh predicted, const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);

@@ -1,5 +1,6 @@
 // Tier 1 at critical points, between two frames.
 #include <chrono>
+#include <tuple>
 #include <utility>
 
 #include "core/frame_step.h"
@@ -127,19 +128,33 @@ bool Tracker::collide(const FieldFrame& frame, Evidence& evidence, const VertexT
   return true;
 }
 
-/// Grids leave flaps to the repairs.
-void Tracker::fold_in_flaps(const FieldFrame& frame, const Evidence& evidence) {
+/// Once more from the prediction, its flaps folded in; kept where that passes.
+void Tracker::fold_in_flaps(TriangleMesh predicted, const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   constexpr double kShare = 0.5;  // of the tolerance
-  if (!started_ || frame.field->resolution() > 0.0) return;
   const FarCorners far(*evidence.field, evidence.lattice, options_.tolerance);
-  collapse_flaps(mesh_, *frame.field, *backend_, sleeping(mesh_.vertices, options_.sleep),
-                 [&](double value, double slope) { return far.is_far(value, slope, kShare); });
+  {
+    Step step(report, "predict");
+    const std::vector<std::uint8_t> asleep = sleeping(predicted.vertices, options_.sleep);
+    if (collapse_flaps(predicted, *frame.field, *backend_, asleep,
+                       [&](double value, double slope) { return far.is_far(value, slope, kShare); }) == 0)
+      return;
+  }
+  TriangleMesh with_flaps = std::exchange(mesh_, std::move(predicted));
+  const auto left_undone = std::pair(report.inverted, report.quasi_critical);
+  relax(report);
+  certify(evidence, report);
+  look_closer(frame, evidence, report);
+  if (evidence.certificate.passed) return;
+  mesh_ = std::move(with_flaps);
+  std::tie(report.inverted, report.quasi_critical) = left_undone;
+  certify(evidence, report);
 }
 
 /// Where necks and gaps are too thin for the lattice, the mesh that critical points tell of them is right, and not the
 /// lattice: a field is looked at on which they are wider.
 void Tracker::look_closer(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
-  if (evidence.certificate.passed || critical_.field != frame.field) return;
+  const bool looked = evidence.field != frame.field;
+  if (evidence.certificate.passed || looked || critical_.field != frame.field) return;
   ClearOptions clear;
   clear.length = options_.lattice_spacing;
   const std::shared_ptr<const Field> wider = clear_of_zero(*frame.field, critical_.points, clear);
