@@ -60,7 +60,7 @@ INLINE float3 gather_corners(global const uint* first, global const uint* corner
 kernel void start(global const uint* first, global const uint* corner, global const float* slots,
                   global const float* normals, global const uchar* pinned, global float* x, global float* r,
                   global float* p, global float* partial, float dt, const Share share) {
-  const uint item = get_global_id(0);
+  const uint item = ITEM;
   if (item >= share.items) return;
   float sum = 0.0f;
   for (uint k = 0; k < share.each; ++k) {
@@ -81,7 +81,7 @@ kernel void start(global const uint* first, global const uint* corner, global co
 kernel void product(global const uint* first, global const uint* corner, global const float* slots,
                     global const float* normals, global const uchar* pinned, global const float* p, global float* q,
                     global float* partial, global const CgState* state, float dt, const Share share) {
-  const uint item = get_global_id(0);
+  const uint item = ITEM;
   if (item >= share.items || state->done) return;
   float sum = 0.0f;
   for (uint k = 0; k < share.each; ++k) {
@@ -100,7 +100,7 @@ kernel void product(global const uint* first, global const uint* corner, global 
 // x += alpha p, r -= alpha q; partial sums of r.r.
 kernel void advance(global float* x, global float* r, global const float* p, global const float* q,
                     global float* partial, global const CgState* state, const Share share) {
-  const uint item = get_global_id(0);
+  const uint item = ITEM;
   if (item >= share.items || state->done) return;
   const float alpha = state->alpha;
   vfloat sum = 0.0f;
@@ -116,7 +116,7 @@ kernel void advance(global float* x, global float* r, global const float* p, glo
 
 // p = r + beta p
 kernel void turn(global float* p, global const float* r, global const CgState* state, const Share share) {
-  const uint item = get_global_id(0);
+  const uint item = ITEM;
   if (item >= share.items || state->done) return;
   const float beta = state->beta;
   for (uint k = 0; k < 3 * share.each / VW; ++k) {
@@ -138,7 +138,7 @@ INLINE float finish_sum(global const float* partial, uint count) {
 }
 
 kernel void finish_start(global const float* partial, global CgState* state, float tolerance, uint count) {
-  if (get_global_id(0) != 0) return;
+  if (ITEM != 0) return;
   const float rr = finish_sum(partial, count);
   state->start = rr;
   state->rr = rr;
@@ -146,14 +146,14 @@ kernel void finish_start(global const float* partial, global CgState* state, flo
 }
 
 kernel void finish_alpha(global const float* partial, global CgState* state, uint count) {
-  if (get_global_id(0) != 0 || state->done) return;
+  if (ITEM != 0 || state->done) return;
   const float pq = finish_sum(partial, count);
   state->done = !(pq > 0.0f);  // only when p has vanished: the system is positive definite
   state->alpha = state->rr / pq;
 }
 
 kernel void finish_beta(global const float* partial, global CgState* state, float tolerance, uint count) {
-  if (get_global_id(0) != 0 || state->done) return;
+  if (ITEM != 0 || state->done) return;
   const float rr = finish_sum(partial, count);
   state->beta = rr / state->rr;
   state->rr = rr;
@@ -163,7 +163,7 @@ kernel void finish_beta(global const float* partial, global CgState* state, floa
 
 // positions += dx, clamped to the longest move; a move that is not finite is none.
 kernel void move(global float* positions, global const float* x, float longest, uint count) {
-  const uint v = get_global_id(0);
+  const uint v = ITEM;
   if (v >= count) return;
   const float3 d = vload3(v, x);
   const float length = sqrt(dot(d, d));

@@ -2,9 +2,13 @@
 #include "kernels/device.h"
 
 #include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -18,6 +22,21 @@ namespace {
 constexpr std::size_t kPage = 4096;
 constexpr std::size_t kMostKept = std::size_t{1} << 24;  // bytes of a block that goes back to the pool
 constexpr std::size_t kMostPending = 1 << 14;            // profiled events kept before they are read back
+
+constexpr const char* kPocl = "Portable Computing Language";
+// Host threads share a launch in parts that take so long, far longer than to enqueue one, and in so many that none
+// waits long for the last.
+constexpr double kPartSeconds = 20e-6;
+constexpr std::size_t kPartsAThread = 4;
+// Their global ids begin here: PoCL compiles a kernel once for launches from zero and once more for all others.
+constexpr std::size_t kFirstItem = 256;
+// PoCL 3.1 loads a kernel again for a larger launch than all before, and then confuses the two where several threads
+// run it (pocl_release_dlhandle_cache). So the first launch is as large as any, of items behind the end of all arrays.
+constexpr std::size_t kMostGroups = 1000;  // of a part
+constexpr std::size_t kFarItem = std::size_t{1} << 27;
+// The work item's number, in every program.
+constexpr const char* kItem = "#define ITEM get_global_id(0)\n";
+constexpr const char* kDrivenItem = "#define ITEM (get_global_id(0) - 256)\n";
 
 const char* error_name(cl_int code) {
   switch (code) {
@@ -83,13 +102,17 @@ std::string text_info(cl_device_id id, cl_device_info what) {
   return text;
 }
 
-std::string platform_name(cl_platform_id platform) {
+std::string text_info(cl_platform_id platform, cl_platform_info what) {
   std::size_t bytes = 0;
-  check(clGetPlatformInfo(platform, CL_PLATFORM_NAME, 0, nullptr, &bytes), "clGetPlatformInfo");
+  check(clGetPlatformInfo(platform, what, 0, nullptr, &bytes), "clGetPlatformInfo");
   std::string text(bytes, '\0');
-  check(clGetPlatformInfo(platform, CL_PLATFORM_NAME, bytes, text.data(), nullptr), "clGetPlatformInfo");
+  check(clGetPlatformInfo(platform, what, bytes, text.data(), nullptr), "clGetPlatformInfo");
   while (!text.empty() && text.back() == '\0') text.pop_back();
   return text;
+}
+
+std::string platform_name(cl_platform_id platform) {
+  return text_info(platform, CL_PLATFORM_NAME);
 }
 
 template <class T>
@@ -97,6 +120,22 @@ T number_info(cl_device_id id, cl_device_info what) {
   T value{};
   check(clGetDeviceInfo(id, what, sizeof value, &value, nullptr), "clGetDeviceInfo");
   return value;
+}
+
+/// Does the device run what is enqueued at once, in the thread that enqueues it, and take pointers to any memory?
+bool is_driven(const DeviceInfo& info) {
+  return info.platform == kPocl && info.name.starts_with("basic-") && info.driver.starts_with("3.");
+}
+
+std::size_t host_threads() {
+  return tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+}
+
+/// Lets PoCL 3, of which that is known, show the device that runs kernels in the caller's thread before the one that
+/// has threads of its own. To be called before its devices are asked for.
+void ask_for_basic_device(cl_platform_id platform) {
+  if (platform_name(platform) == kPocl && text_info(platform, CL_PLATFORM_VERSION).find("PoCL 3.") != std::string::npos)
+    setenv("POCL_DEVICES", "basic pthread", 0);
 }
 
 std::vector<Found> find_devices() {
@@ -109,6 +148,7 @@ std::vector<Found> find_devices() {
                    [](cl_platform_id a, cl_platform_id b) { return platform_name(a) < platform_name(b); });
   std::vector<Found> found;
   for (cl_platform_id platform : platforms) {
+    ask_for_basic_device(platform);
     cl_uint devices = 0;
     if (clGetDeviceIDs(platform, CL_DEVICE_TYPE_ALL, 0, nullptr, &devices) != CL_SUCCESS) continue;
     std::vector<cl_device_id> ids(devices);
@@ -121,7 +161,8 @@ std::vector<Found> find_devices() {
       info.version = text_info(id, CL_DEVICE_VERSION);
       info.driver = text_info(id, CL_DRIVER_VERSION);
       info.cpu = (number_info<cl_device_type>(id, CL_DEVICE_TYPE) & CL_DEVICE_TYPE_CPU) != 0;
-      info.compute_units = number_info<cl_uint>(id, CL_DEVICE_MAX_COMPUTE_UNITS);
+      info.compute_units = is_driven(info) ? static_cast<unsigned>(host_threads())
+                                           : number_info<cl_uint>(id, CL_DEVICE_MAX_COMPUTE_UNITS);
       info.global_bytes = number_info<cl_ulong>(id, CL_DEVICE_GLOBAL_MEM_SIZE);
       found.push_back({platform, id, std::move(info)});
     }
@@ -169,8 +210,9 @@ Found choose_device(int index) {
 
 /// The note that kernels of a PoCL device are compiled; empty for other drivers. Another version compiles anew.
 std::filesystem::path note_of(const DeviceInfo& info) {
-  if (info.platform != "Portable Computing Language" || pocl_cache().empty()) return {};
-  std::string name = "isoskin-" + info.driver + ".compiled";
+  if (info.platform != kPocl || pocl_cache().empty()) return {};
+  const std::string kind = info.name.substr(0, info.name.find('-'));
+  std::string name = "isoskin-" + info.driver + '-' + kind + ".compiled";
   std::replace(name.begin(), name.end(), '/', '-');
   return pocl_cache() / name;
 }
@@ -210,9 +252,9 @@ std::string build_log(cl_program program, cl_device_id id) {
   return log;
 }
 
-cl_program build(cl_device_id id, cl_context context, const std::vector<const char*>& sources,
+cl_program build(cl_device_id id, cl_context context, const char* prelude, const std::vector<const char*>& sources,
                  const std::string& options) {
-  std::string text;
+  std::string text = prelude;
   for (const char* source : sources) text += source;
   const std::lock_guard lock(shared_guard);
   cl_program& slot = shared(id).programs[options + '\n' + text];
@@ -254,7 +296,9 @@ Device::Device(const OpenClOptions& options, bool like_gpu) : profile_(options.t
   info_ = std::move(found.info);
   id_ = found.id;
   info_.cpu = info_.cpu && !like_gpu;
+  driven_ = info_.cpu && is_driven(info_);
   if (info_.cpu) share_local_size_ = 1;
+  if (driven_) packet_local_size_ = 8;  // small parts for many threads
   context_ = shared_context(id_, found.platform);
   cl_int code = CL_SUCCESS;
   // The 1.2 call: clCreateCommandQueueWithProperties is missing on 1.2 devices.
@@ -277,7 +321,7 @@ Device::~Device() {
 }
 
 Kernel Device::kernel(const std::vector<const char*>& sources, const std::string& build_options, const char* name) {
-  const cl_program program = build(id_, context_, sources, build_options);
+  const cl_program program = build(id_, context_, driven_ ? kDrivenItem : kItem, sources, build_options);
   cl_int code = CL_SUCCESS;
   KernelHandle handle(clCreateKernel(program, name, &code));
   check(code, name);
@@ -289,7 +333,14 @@ void Device::set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t by
   if (code != CL_SUCCESS) check(code, fmt::format("clSetKernelArg({}, {})", kernel.name, slot).c_str());
 }
 
+void Device::set_buffer_argument(const Kernel& kernel, cl_uint slot, const Buffer& buffer) {
+  if (!driven_) return set_raw_argument(kernel, slot, sizeof buffer.memory, &buffer.memory);
+  const cl_int code = clSetKernelArgSVMPointer(kernel.handle.get(), slot, buffer.host);
+  if (code != CL_SUCCESS) check(code, fmt::format("clSetKernelArgSVMPointer({}, {})", kernel.name, slot).c_str());
+}
+
 void Device::enqueue(const Kernel& kernel, std::size_t items, std::size_t local) {
+  if (driven_) return drive(kernel, (items + local - 1) / local, local);
   const std::size_t global = (items + local - 1) / local * local;
   const auto begin = std::chrono::steady_clock::now();
   const cl_int code = clEnqueueNDRangeKernel(queue_.get(), kernel.handle.get(), 1, nullptr, &global, &local, 0, nullptr,
@@ -299,6 +350,57 @@ void Device::enqueue(const Kernel& kernel, std::size_t items, std::size_t local)
     check(code, fmt::format("clEnqueueNDRangeKernel({})", kernel.name).c_str());
   }
   if (profile_ && trace::enabled()) trace::add("launch", kernel.name, begin, std::chrono::steady_clock::now());
+}
+
+double Device::run_groups(const Kernel& kernel, std::size_t first_item, std::size_t groups, std::size_t local) {
+  Queue& queue = thread_queue_.local();
+  if (!queue.get()) {
+    cl_int code = CL_SUCCESS;
+    queue = Queue(clCreateCommandQueue(context_, id_, 0, &code));
+    check(code, "clCreateCommandQueue");
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  const std::size_t offset = kFirstItem + first_item, global = groups * local;
+  const cl_int code =
+      clEnqueueNDRangeKernel(queue.get(), kernel.handle.get(), 1, &offset, &global, &local, 0, nullptr, nullptr);
+  if (code != CL_SUCCESS) check(code, fmt::format("clEnqueueNDRangeKernel({})", kernel.name).c_str());
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+void Device::drive(const Kernel& kernel, std::size_t groups, std::size_t local) {
+  const auto begin = std::chrono::steady_clock::now();
+  if (std::exchange(kernel.loaded_for, local) != local) run_groups(kernel, kFarItem, kMostGroups, local);
+  const std::size_t threads = host_threads();
+  const std::size_t least = (groups + kMostGroups - 1) / kMostGroups;
+  const std::size_t most = threads == 1 ? least : std::max(least, std::min(groups, kPartsAThread * threads));
+  const double wanted = static_cast<double>(groups) * kernel.group_seconds / kPartSeconds;
+  const std::size_t parts =
+      kernel.group_seconds > 0.0 ? std::clamp(static_cast<std::size_t>(std::min(wanted, 1e9)), least, most) : most;
+  double seconds = 0.0;  // of the first part
+  const auto run = [&](std::size_t part) {
+    const std::size_t first = groups * part / parts, last = groups * (part + 1) / parts;
+    const double took = run_groups(kernel, first * local, last - first, local);
+    if (part == 0) seconds = took;
+  };
+  if (threads == 1 || parts == 1) {
+    for (std::size_t part = 0; part < parts; ++part) run(part);
+  } else {
+    tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, parts, run, tbb::simple_partitioner()); });
+  }
+  // Slow to fall: a kernel that has nothing to do for once will have again.
+  const double now = seconds / static_cast<double>(groups / parts);
+  kernel.group_seconds = std::max(now, 0.75 * kernel.group_seconds + 0.25 * now);
+  if (profile_ && trace::enabled()) trace::add("kernel", kernel.name, begin, std::chrono::steady_clock::now());
+}
+
+void Device::copy(const char* name, void* to, const void* from, std::size_t bytes) {
+  constexpr std::size_t kPart = std::size_t{1} << 18;
+  const auto begin = std::chrono::steady_clock::now();
+  tbb::parallel_for(std::size_t{0}, (bytes + kPart - 1) / kPart, [&](std::size_t i) {
+    std::memcpy(static_cast<std::byte*>(to) + i * kPart, static_cast<const std::byte*>(from) + i * kPart,
+                std::min(kPart, bytes - i * kPart));
+  });
+  if (profile_ && trace::enabled()) trace::add("copy", name, begin, std::chrono::steady_clock::now());
 }
 
 Block Device::acquire(std::size_t bytes) {
@@ -316,9 +418,11 @@ Block Device::acquire(std::size_t bytes) {
                   [](std::byte* p) { ::operator delete[](p, std::align_val_t(kPage)); }};
     flags |= CL_MEM_USE_HOST_PTR;
   }
-  cl_int code = CL_SUCCESS;
-  block.memory = Memory(clCreateBuffer(context_, flags, bytes, block.host.get(), &code));
-  if (code != CL_SUCCESS) check(code, fmt::format("clCreateBuffer({} bytes)", bytes).c_str());
+  if (!driven_) {
+    cl_int code = CL_SUCCESS;
+    block.memory = Memory(clCreateBuffer(context_, flags, bytes, block.host.get(), &code));
+    if (code != CL_SUCCESS) check(code, fmt::format("clCreateBuffer({} bytes)", bytes).c_str());
+  }
   pooled_bytes_ += bytes;
   return block;
 }
@@ -340,32 +444,43 @@ void Device::finish() {
   collect_events();
 }
 
-void* Device::map(cl_mem memory, Access access, std::size_t bytes) {
+void* Device::map(const Buffer& buffer, Access access, std::size_t bytes) {
+  if (driven_) return buffer.host;
   cl_int code = CL_SUCCESS;
-  void* mapped = clEnqueueMapBuffer(queue_.get(), memory, CL_FALSE, map_flags(access), 0, bytes, 0, nullptr,
+  void* mapped = clEnqueueMapBuffer(queue_.get(), buffer.memory, CL_FALSE, map_flags(access), 0, bytes, 0, nullptr,
                                     event_slot("copy", "map"), &code);
   check(code, "clEnqueueMapBuffer");
   return mapped;
 }
 
-void Device::unmap(cl_mem memory, void* mapped) {
-  check(clEnqueueUnmapMemObject(queue_.get(), memory, mapped, 0, nullptr, event_slot("copy", "unmap")),
+void Device::unmap(const Buffer& buffer, void* mapped) {
+  if (driven_) return;
+  check(clEnqueueUnmapMemObject(queue_.get(), buffer.memory, mapped, 0, nullptr, event_slot("copy", "unmap")),
         "clEnqueueUnmapMemObject");
 }
 
-void Device::read(cl_mem memory, void* to, std::size_t bytes) {
-  check(clEnqueueReadBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
-        "clEnqueueReadBuffer");
+void Device::read(const Buffer& buffer, void* to, std::size_t bytes) {
+  if (driven_) return copy("read", to, buffer.host, bytes);
+  check(
+      clEnqueueReadBuffer(queue_.get(), buffer.memory, CL_FALSE, 0, bytes, to, 0, nullptr, event_slot("copy", "read")),
+      "clEnqueueReadBuffer");
 }
 
-void Device::write(cl_mem memory, const void* from, std::size_t bytes) {
-  check(clEnqueueWriteBuffer(queue_.get(), memory, CL_FALSE, 0, bytes, from, 0, nullptr, event_slot("copy", "write")),
+void Device::write(const Buffer& buffer, const void* from, std::size_t bytes) {
+  if (driven_) return copy("write", buffer.host, from, bytes);
+  check(clEnqueueWriteBuffer(queue_.get(), buffer.memory, CL_FALSE, 0, bytes, from, 0, nullptr,
+                             event_slot("copy", "write")),
         "clEnqueueWriteBuffer");
 }
 
-void Device::clear(cl_mem memory, std::size_t bytes) {
+void Device::clear(const Buffer& buffer, std::size_t bytes) {
+  if (driven_) {
+    std::memset(buffer.host, 0, bytes);
+    return;
+  }
   const cl_uint zero = 0;
-  check(clEnqueueFillBuffer(queue_.get(), memory, &zero, sizeof zero, 0, bytes, 0, nullptr, event_slot("copy", "fill")),
+  check(clEnqueueFillBuffer(queue_.get(), buffer.memory, &zero, sizeof zero, 0, bytes, 0, nullptr,
+                            event_slot("copy", "fill")),
         "clEnqueueFillBuffer");
 }
 
@@ -403,25 +518,25 @@ void Device::collect_events() {
 
 Borrowed::Borrowed(Device& device, void* data, std::size_t bytes, Access access)
     : device_(&device), data_(data), bytes_(bytes), access_(access) {
-  if (bytes == 0) return;
+  if (bytes == 0 || device.driven()) return;
   if (device.info().cpu) {
     wrapped_ = device.wrap(data, bytes);
     return;
   }
   block_ = device.acquire(bytes);
-  if (access != Access::write) device.write(block_.memory.get(), data, bytes);
+  if (access != Access::write) device.write(memory(), data, bytes);
 }
 
 Borrowed::~Borrowed() {
-  if (block_.memory.get()) device_->release(std::move(block_));
+  if (block_.bytes > 0) device_->release(std::move(block_));
 }
 
 void Borrowed::collect() {
-  if (bytes_ == 0 || access_ == Access::read) return;
+  if (bytes_ == 0 || access_ == Access::read || device_->driven()) return;
   if (wrapped_.get())
-    device_->unmap(wrapped_.get(), device_->map(wrapped_.get(), Access::read, bytes_));
+    device_->unmap(memory(), device_->map(memory(), Access::read, bytes_));
   else
-    device_->read(block_.memory.get(), data_, bytes_);
+    device_->read(memory(), data_, bytes_);
 }
 
 }  // namespace isoskin::opencl

@@ -1,8 +1,10 @@
-// A thin RAII layer over the OpenCL C API: one device, one in-order queue, a buffer pool, cached programs.
+// A thin RAII layer over the OpenCL C API: one device, its commands in order, a buffer pool, cached programs.
 // Errors are std::runtime_error that name the call, and for builds carry the log.
 #pragma once
 
 #include <CL/cl.h>
+
+#include <tbb/enumerable_thread_specific.h>
 
 #include <chrono>
 #include <map>
@@ -48,6 +50,15 @@ using KernelHandle = Owned<cl_kernel, clReleaseKernel>;
 struct Kernel {
   KernelHandle handle;
   std::string name;
+  // Where host threads run it: what a work-group took of late, and the group size it is loaded for.
+  mutable double group_seconds = 0.0;
+  mutable std::size_t loaded_for = 0;
+};
+
+/// Memory that kernels use: a buffer of OpenCL's, or the host's own where its threads drive the device.
+struct Buffer {
+  cl_mem memory = nullptr;
+  void* host = nullptr;
 };
 
 /// One block of the pool: aligned host memory that the device shares (CPU) or device memory.
@@ -55,6 +66,8 @@ struct Block {
   Memory memory;
   std::unique_ptr<std::byte[], void (*)(std::byte*)> host{nullptr, nullptr};
   std::size_t bytes = 0;
+
+  Buffer buffer() const { return {memory.get(), host.get()}; }
 };
 
 /// What a caller wants from host access to a buffer.
@@ -63,6 +76,9 @@ enum class Access { read, write, read_write };
 /// Passed to launch() where a kernel takes an optional buffer.
 struct NoBuffer {};
 
+/// Commands run one after the other. PoCL's basic device runs a kernel in the thread that enqueues it; there oneTBB's
+/// threads each enqueue a part of the work-groups and launch() returns when all have run: waking PoCL's own threads
+/// takes longer than most kernels. Elsewhere launch() enqueues, and finish() waits.
 class Device {
 public:
   /// Throws InputError as promised by make_opencl_backend(). `like_gpu`: treats a CPU as a GPU (copies instead of
@@ -73,12 +89,14 @@ public:
   Device& operator=(const Device&) = delete;
 
   const DeviceInfo& info() const { return info_; }
+  /// True where host threads run the work-groups.
+  bool driven() const { return driven_; }
 
   /// Points or elements one work item takes in packet kernels: 16 on CPUs (explicit SIMD), 1 on GPUs.
   int vector_width() const { return info_.cpu ? 16 : 1; }
 
   /// Work-group size of every launch; a power of two. Results do not depend on it.
-  void set_local_size(std::size_t size) { local_size_ = share_local_size_ = size; }
+  void set_local_size(std::size_t size) { local_size_ = packet_local_size_ = share_local_size_ = size; }
 
   /// A kernel of the program made of `sources` joined in order. The program is built once for each device and process.
   /// Throws std::runtime_error with the build log.
@@ -89,6 +107,12 @@ public:
   template <class... Arguments>
   void launch(const Kernel& kernel, std::size_t items, const Arguments&... arguments) {
     launch_in_groups(local_size_, kernel, items, arguments...);
+  }
+
+  /// As launch(), for kernels whose items take `width` of `points` points each.
+  template <class... Arguments>
+  void launch_packets(const Kernel& kernel, int width, std::size_t points, const Arguments&... arguments) {
+    launch_in_groups(width > 1 ? packet_local_size_ : local_size_, kernel, (points + width - 1) / width, arguments...);
   }
 
   /// As launch(), for kernels whose items are long loops: one item a group on CPUs, so that they spread over the cores.
@@ -106,8 +130,7 @@ public:
     } else if constexpr (std::is_same_v<T, NoBuffer>) {
       set_raw_argument(kernel, slot++, sizeof(cl_mem), nullptr);
     } else if constexpr (requires { value.memory(); }) {
-      const cl_mem memory = value.memory();
-      set_raw_argument(kernel, slot++, sizeof memory, &memory);
+      set_buffer_argument(kernel, slot++, value.memory());
     } else {
       static_assert(std::is_trivially_copyable_v<T> && !std::is_pointer_v<T>);
       set_raw_argument(kernel, slot++, sizeof value, &value);
@@ -124,13 +147,13 @@ public:
 
   // These do not wait: what they read or write is to be left alone until finish(). On a CPU one wait takes as long as a
   // kernel over thousands of points, so whoever needs several results enqueues all of them first.
-  void* map(cl_mem memory, Access access, std::size_t bytes);
-  void unmap(cl_mem memory, void* mapped);
-  void read(cl_mem memory, void* to, std::size_t bytes);
-  void write(cl_mem memory, const void* from, std::size_t bytes);
+  void* map(const Buffer& buffer, Access access, std::size_t bytes);
+  void unmap(const Buffer& buffer, void* mapped);
+  void read(const Buffer& buffer, void* to, std::size_t bytes);
+  void write(const Buffer& buffer, const void* from, std::size_t bytes);
   /// Sets the first `bytes` to zero; a multiple of 4.
-  void clear(cl_mem memory, std::size_t bytes);
-  /// A buffer over the caller's memory, without a copy. CPU devices only.
+  void clear(const Buffer& buffer, std::size_t bytes);
+  /// A buffer over the caller's memory, without a copy. CPU devices that are not driven only.
   Memory wrap(void* host, std::size_t bytes);
 
   std::size_t pooled_bytes() const { return pooled_bytes_; }
@@ -150,7 +173,12 @@ private:
     enqueue(kernel, items, local);
   }
   void set_raw_argument(const Kernel& kernel, cl_uint slot, std::size_t bytes, const void* value);
+  void set_buffer_argument(const Kernel& kernel, cl_uint slot, const Buffer& buffer);
   void enqueue(const Kernel& kernel, std::size_t items, std::size_t local);
+  void drive(const Kernel& kernel, std::size_t groups, std::size_t local);
+  /// Runs so many groups from the given item on in the calling thread and returns how many seconds that took.
+  double run_groups(const Kernel& kernel, std::size_t first_item, std::size_t groups, std::size_t local);
+  void copy(const char* name, void* to, const void* from, std::size_t bytes);
   /// Of a command that is about to be enqueued.
   cl_event* event_slot(const char* track, const std::string& name);
   void collect_events();
@@ -159,7 +187,10 @@ private:
   cl_device_id id_ = nullptr;
   cl_context context_ = nullptr;  // shared by all Devices of this process, never released
   Queue queue_;
+  bool driven_ = false;
+  tbb::enumerable_thread_specific<Queue> thread_queue_;  // of a driven device
   std::size_t local_size_ = 64;
+  std::size_t packet_local_size_ = 64;
   std::size_t share_local_size_ = 64;
   std::multimap<std::size_t, Block> free_;
   std::size_t pooled_bytes_ = 0;
@@ -176,7 +207,7 @@ class Array {
 public:
   explicit Array(Device& device) : device_(&device) {}
   ~Array() {
-    if (block_.memory.get()) device_->release(std::move(block_));
+    if (block_.bytes > 0) device_->release(std::move(block_));
   }
   Array(const Array&) = delete;
   Array& operator=(const Array&) = delete;
@@ -186,7 +217,7 @@ public:
     // Never an empty buffer, and room behind the end so that whole-packet reads stay inside.
     const std::size_t bytes = n * sizeof(T) + kSlack;
     if (bytes <= block_.bytes) return;
-    if (block_.memory.get()) device_->release(std::move(block_));
+    if (block_.bytes > 0) device_->release(std::move(block_));
     block_ = device_->acquire(bytes);
   }
   /// Does not wait: `from` must stay as it is until Device::finish().
@@ -211,12 +242,12 @@ public:
   /// Gives its memory back; no command that uses it may be running.
   void let_go() {
     size_ = 0;
-    if (block_.memory.get()) device_->release(std::move(block_));
+    if (block_.bytes > 0) device_->release(std::move(block_));
     block_ = {};
   }
 
   std::size_t size() const { return size_; }
-  cl_mem memory() const { return block_.memory.get(); }
+  Buffer memory() const { return block_.buffer(); }
   Device& device() const { return *device_; }
 
 private:
@@ -275,7 +306,7 @@ public:
   Borrowed(const Borrowed&) = delete;
   Borrowed& operator=(const Borrowed&) = delete;
 
-  cl_mem memory() const { return wrapped_.get() ? wrapped_.get() : block_.memory.get(); }
+  Buffer memory() const { return block_.bytes > 0 ? block_.buffer() : Buffer{wrapped_.get(), data_}; }
   void collect();
 
 private:

@@ -55,9 +55,4 @@ private:
   std::map<Variant, Kernel> built_;
 };
 
-/// Work items that cover `points`.
-inline std::size_t packets(const DeviceField& field, std::size_t points) {
-  return (points + field.width() - 1) / field.width();
-}
-
 }  // namespace isoskin::opencl

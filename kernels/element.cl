@@ -155,7 +155,7 @@ INLINE vec3v load_lanes(global const float* from, const uint* place) {
 kernel void element_forces(global const float* positions, global const float* normals, global const uchar* inverted,
                            global const uint* vertex, global float* frames, global float* slots,
                            const ElementParams material, uint count) {
-  const uint begin = get_global_id(0) * VW;
+  const uint begin = ITEM * VW;
   if (begin >= count) return;
   uint corner[3][VW];
   float side[VW];
@@ -191,7 +191,7 @@ kernel void element_forces(global const float* positions, global const float* no
 
 kernel void element_product(global const float* frames, global const uint* vertex, global const float* d,
                             global float* slots, global const int* done, const ElementParams material, uint count) {
-  const uint t = get_global_id(0);
+  const uint t = ITEM;
   if (t >= count || *done) return;
   const uint3 v = vload3(t, vertex);
   const float3 d0 = vload3(v.x, d);
@@ -217,7 +217,7 @@ INLINE float3 spring_stiffness(float3 edge, float3 change, const ElementParams m
 
 kernel void spring_forces(global const float* positions, global const uint* vertex, global float* slots,
                           const ElementParams material, uint count) {
-  const uint t = get_global_id(0);
+  const uint t = ITEM;
   if (t >= count) return;
   const Corners p = load_corners(positions, vload3(t, vertex));
   const float3 a = spring_pull(p.at[1] - p.at[0], material);
@@ -228,7 +228,7 @@ kernel void spring_forces(global const float* positions, global const uint* vert
 
 kernel void spring_product(global const float* positions, global const uint* vertex, global const float* d,
                            global float* slots, global const int* done, const ElementParams material, uint count) {
-  const uint t = get_global_id(0);
+  const uint t = ITEM;
   if (t >= count || *done) return;
   const uint3 v = vload3(t, vertex);
   const Corners p = load_corners(positions, v);

@@ -6,7 +6,7 @@ INLINE vfloat held(vfloat v, vint good) {
 
 kernel void evaluate(FIELD_PARAMS, global const float* points, global float* values, global float* gradients,
                      uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v p = load_points(points, first, count);
   const vint good = is_finite(p);
@@ -19,7 +19,7 @@ kernel void evaluate(FIELD_PARAMS, global const float* points, global float* val
 }
 
 kernel void evaluate_values(FIELD_PARAMS, global const float* points, global float* values, uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v p = load_points(points, first, count);
   const vint good = is_finite(p);
@@ -28,7 +28,7 @@ kernel void evaluate_values(FIELD_PARAMS, global const float* points, global flo
 }
 
 kernel void evaluate_hessian(FIELD_PARAMS, global const float* points, global float* hessians, uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v p = load_points(points, first, count);
   const vint good = is_finite(p);

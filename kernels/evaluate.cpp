@@ -17,12 +17,12 @@ void Evaluator::evaluate(const DeviceField& field, std::span<const Vec3> points,
   const Borrowed in(*device_, points.data(), points.size_bytes());
   Borrowed out(*device_, values.data(), values.size_bytes(), Access::write);
   if (gradients.empty()) {
-    device_->launch(values_(field), packets(field, count), field, in, out, count);
+    device_->launch_packets(values_(field), field.width(), count, field, in, out, count);
     out.collect();
     device_->finish();
   } else {
     Borrowed slopes(*device_, gradients.data(), gradients.size_bytes(), Access::write);
-    device_->launch(both_(field), packets(field, count), field, in, out, slopes, count);
+    device_->launch_packets(both_(field), field.width(), count, field, in, out, slopes, count);
     out.collect();
     slopes.collect();
     device_->finish();
@@ -34,7 +34,7 @@ void Evaluator::evaluate_hessian(const DeviceField& field, std::span<const Vec3>
   const auto count = static_cast<cl_uint>(points.size());
   const Borrowed in(*device_, points.data(), points.size_bytes());
   Borrowed out(*device_, hessians.data(), hessians.size_bytes(), Access::write);
-  device_->launch(hessian_(field), packets(field, count), field, in, out, count);
+  device_->launch_packets(hessian_(field), field.width(), count, field, in, out, count);
   out.collect();
   device_->finish();
 }

@@ -1,6 +1,6 @@
 // Outward unit normals of the field at vertices, and the triangles that face the wrong way (core/mechanics/relax.h).
 kernel void vertex_normals(FIELD_PARAMS, global const float* positions, global float* normals, uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v p = load_points(positions, first, count);
   const FieldValue f = field_sample(FIELD_ARGS, to_local(p, field.origin));
@@ -17,7 +17,7 @@ kernel void vertex_normals(FIELD_PARAMS, global const float* positions, global f
 // 1 where the triangle's normal points against the outward normals of all three corners.
 kernel void mark_inverted(global const float* positions, global const float* normals, global const uint* vertex,
                           global uchar* inverted, uint count) {
-  const uint t = get_global_id(0);
+  const uint t = ITEM;
   if (t >= count) return;
   const uint a = vertex[3 * t], b = vertex[3 * t + 1], c = vertex[3 * t + 2];
   const float3 pa = vload3(a, positions);

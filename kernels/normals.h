@@ -13,8 +13,8 @@ public:
   /// Launches only. normals: 3 floats a vertex.
   template <class Out>
   void vertex_normals(const DeviceField& field, const ResidentMesh& mesh, const Out& normals) {
-    device_->launch(vertex_normals_(field), packets(field, mesh.vertex_count()), field, mesh.positions, normals,
-                    static_cast<cl_uint>(mesh.vertex_count()));
+    device_->launch_packets(vertex_normals_(field), field.width(), mesh.vertex_count(), field, mesh.positions, normals,
+                            static_cast<cl_uint>(mesh.vertex_count()));
   }
   /// Launches only. inverted: one byte a triangle.
   template <class In, class Out>

@@ -96,7 +96,7 @@ INLINE Projected project_packet(FIELD_PARAMS, vec3v start, vint good, const Proj
 
 // Moves points in place; those that do not converge keep their bits, and so do those that are on the surface already.
 kernel void project(FIELD_PARAMS, global float* points, global uchar* status, const ProjectParams options, uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v p = load_points(points, first, count);
   const vec3v start = to_local(p, field.origin);

@@ -25,8 +25,8 @@ public:
   template <class Points, class Status>
   void launch(const DeviceField& field, const Points& points, const Status& status, std::size_t count,
               const ProjectOptions& options) {
-    device_->launch(project_(field), packets(field, count), field, points, status, project_params(options),
-                    static_cast<cl_uint>(count));
+    device_->launch_packets(project_(field), field.width(), count, field, points, status, project_params(options),
+                            static_cast<cl_uint>(count));
   }
   /// As Backend::project.
   ProjectReport project(const DeviceField& field, std::span<Vec3> points, const ProjectOptions& options,

@@ -24,7 +24,7 @@ INLINE vec3v difference(vec3v a, vec3v b) {
 kernel void centroid_planes(FIELD_PARAMS, global const float* positions, global const uint* vertex,
                             global float* through, global float* normal, global float* area,
                             const ProjectParams options, uint count) {
-  const uint first = get_global_id(0) * VW;
+  const uint first = ITEM * VW;
   if (first >= count) return;
   const vec3v a = to_local(load_corner(positions, vertex, first, count, 0), field.origin);
   const vec3v b = difference(to_local(load_corner(positions, vertex, first, count, 1), field.origin), a);
@@ -46,7 +46,7 @@ kernel void centroid_planes(FIELD_PARAMS, global const float* positions, global 
 kernel void pull(global const uint* first, global const uint* corner, global const float* through,
                  global const float* normal, global const float* area, global float* positions, const Origin origin,
                  float longest, uint count) {
-  const uint v = get_global_id(0);
+  const uint v = ITEM;
   if (v >= count) return;
   const float3 p = vload3(v, positions);
   const float3 at = (p - (float3)(origin.high[0], origin.high[1], origin.high[2])) -

@@ -19,8 +19,8 @@ void Sharpener::pull(const DeviceField& field, ResidentMesh& mesh, const Project
   through_.resize(triangles);
   normal_.resize(triangles);
   area_.resize(triangles);
-  device_->launch(planes_(field), packets(field, triangles), field, mesh.positions, mesh.vertex, through_, normal_,
-                  area_, project_params(options), triangles);
+  device_->launch_packets(planes_(field), field.width(), triangles, field, mesh.positions, mesh.vertex, through_,
+                          normal_, area_, project_params(options), triangles);
   device_->launch(pull_(field), vertices, mesh.first, mesh.corner, through_, normal_, area_, mesh.positions,
                   field.origin(), longest, vertices);
 }
