@@ -21,8 +21,7 @@ struct GeometricOptions {
   double hidden_corner = 0.15, hidden_centre = 0.25;
   double radius = 1.0;  // triangles of the mechanical mesh nearer than this to such a place are replaced, units of e
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
-  // Times this is done, each after the first only where the one before left places out; 0: never. Each takes the places
-  // in twice as many parts as the last, since one seam that does not close keeps all of a part open.
+  // Times this is done, each after the first only where the one before left places out; 0: never.
   int fillings = 3;
 };
 
@@ -34,8 +33,8 @@ struct GeometricReport {
 
 /// The geometric mesh of a certified mechanical mesh, frame after frame. A tip or rim that has grown out of the refined
 /// mesh, a thread that it cuts short and a sheet that it has folded into cannot be subdivided right: there a copy of
-/// the mechanical mesh is emptied and filled with the lattice's surface (core/topology/reskin.h), kept only if it
-/// passes the certificate, and the copy refined instead. Where refined vertices put a lattice corner beyond the
+/// the mechanical mesh is emptied and filled with the lattice's surface where that keeps the certificate (see
+/// fill_places), and the copy refined instead. Where refined vertices put a lattice corner beyond the
 /// tolerance on the wrong side, they go back onto the mesh they were refined from: nearby, then farther away, at last
 /// everywhere. Deterministic: no frame depends on those before it, but what they have in common is not made again.
 class GeometricSkin {
