@@ -1,12 +1,14 @@
 #include "core/refine/refine.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <tuple>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/refine/split_pattern.h"
 
@@ -130,18 +132,15 @@ private:
   /// Fills middle_ (the new vertex of each halfedge's edge, or kNone) and new_edge_ (one halfedge of each marked edge).
   void mark_edges() {
     const std::size_t halfedges = mesh().vertex.size();
-    std::vector<std::uint8_t> turns(halfedges), marked(halfedges);
+    std::vector<std::uint8_t> turns(halfedges);
     for_each_index(halfedges, [&](std::size_t h) {
       const Index twin = mesh().twin[h];
       turns[h] = twin != kNone && differ(centroid_normal_[h / 3], centroid_normal_[twin / 3], cosine_);
     });
-    for_each_index(halfedges, [&](std::size_t i) {
-      const Index h = Index(i), twin = mesh().twin[i];
-      if (!canonical(h)) return;
-      if (is_known(h)) {
-        marked[i] = known_split(h) != nullptr;
-        return;
-      }
+    new_edge_ = indices_where(halfedges, [&](Index h) {
+      const Index twin = mesh().twin[h];
+      if (!canonical(h)) return false;
+      if (is_known(h)) return known_split(h) != nullptr;
       const Index a = mesh().from(h), b = mesh().to(h);
       const Vec3 edge = position(b) - position(a);
       const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) ||
@@ -149,17 +148,15 @@ private:
                           centroid_off(twin / 3) || turns[TriangleMesh::next(h)] || turns[TriangleMesh::prev(h)] ||
                           turns[TriangleMesh::next(twin)] || turns[TriangleMesh::prev(twin)];
       const float length = glm::length(edge);
-      marked[i] = wanted && length >= shortest_ && length > 0.0f;
+      return wanted && length >= shortest_ && length > 0.0f;
     });
-    new_edge_.clear();
     middle_.assign(halfedges, kNone);
     const Index first = Index(mesh().vertex_count());
-    for (std::size_t h = 0; h < halfedges; ++h) {
-      if (!marked[h]) continue;
-      middle_[h] = first + Index(new_edge_.size());
-      if (mesh().twin[h] != kNone) middle_[mesh().twin[h]] = middle_[h];
-      new_edge_.push_back(Index(h));
-    }
+    for_each_index(new_edge_.size(), [&](std::size_t i) {
+      const Index h = new_edge_[i], twin = mesh().twin[h];
+      middle_[h] = first + Index(i);
+      if (twin != kNone) middle_[twin] = middle_[h];
+    });
   }
 
   bool is_known(Index h) const {
@@ -255,17 +252,20 @@ private:
   void keep_from_folding() {
     std::vector<std::uint8_t> bad(mesh().triangle_count());  // bit k: the new vertex of edge k has to go back
     std::vector<std::uint8_t> back(new_edge_.size(), 0);
+    for_each_index(bad.size(), [&](std::size_t t) { bad[t] = folded_edges(t); });
     for (;;) {
-      for_each_index(bad.size(), [&](std::size_t t) { bad[t] = folded_edges(t); });
-      std::vector<Index> reverted;
-      for (std::size_t i = 0; i < new_edge_.size(); ++i) {
+      const std::vector<Index> reverted = indices_where(new_edge_.size(), [&](Index i) {
         const Index h = new_edge_[i], twin = mesh().twin[h];
-        if (back[i] || !((bad[h / 3] >> h % 3 & 1) || (twin != kNone && (bad[twin / 3] >> twin % 3 & 1)))) continue;
-        back[i] = 1;
-        reverted.push_back(Index(i));
-      }
+        return !back[i] && ((bad[h / 3] >> h % 3 & 1) || (twin != kNone && (bad[twin / 3] >> twin % 3 & 1)));
+      });
       if (reverted.empty()) return;
       put_back(reverted);
+      for (const Index i : reverted) {
+        const Index h = new_edge_[i], twin = mesh().twin[h];
+        back[i] = 1;
+        bad[h / 3] = folded_edges(h / 3);
+        if (twin != kNone) bad[twin / 3] = folded_edges(twin / 3);
+      }
     }
   }
 
@@ -327,11 +327,11 @@ private:
         centroid[child] = centroid_[t];
       }
     });
-    std::vector<Index> fresh;
-    for (std::size_t t = 0; t < triangles; ++t) {
-      if (patterns[t]->count == 1) continue;
-      for (Index child = first[t]; child < first[t + 1]; ++child) fresh.push_back(child);
-    }
+    constexpr std::size_t kBlock = 4096;
+    const std::vector<Index> fresh = collect(triangles, kBlock, [&](Index t, std::vector<Index>& list) {
+      if (patterns[t]->count == 1) return;
+      for (Index child = first[t]; child < first[t + 1]; ++child) list.push_back(child);
+    });
     out_.mesh.vertex = std::move(vertex);
     out_.mesh.twin = std::move(twin);
     out_.parent_triangle = std::move(parent);
@@ -343,7 +343,9 @@ private:
   /// Counts rows by the triangle they came from: where each of those begins, and the end.
   static std::vector<Index> begins(const std::vector<Index>& came_from, std::size_t triangles) {
     std::vector<Index> first(triangles + 1, 0);
-    for (const Index t : came_from) ++first[t + 1];
+    for_each_index(came_from.size(), [&](std::size_t i) {
+      std::atomic_ref<Index>(first[came_from[i] + 1]).fetch_add(1, std::memory_order_relaxed);
+    });
     std::partial_sum(first.begin(), first.end(), first.begin());
     return first;
   }
@@ -352,12 +354,16 @@ private:
   void sort_by_owner(const std::vector<Index>& first_vertex) {
     const std::size_t fresh = owner_.size(), old = mesh().vertex_count() - fresh;
     std::vector<Index> next(first_vertex.begin(), first_vertex.end() - 1), row(old + fresh), place(old + fresh);
-    std::iota(row.begin(), row.begin() + std::ptrdiff_t(old), Index{0});
-    std::iota(place.begin(), place.begin() + std::ptrdiff_t(old), Index{0});
-    for (std::size_t i = 0; i < fresh; ++i) {
-      place[old + i] = Index(old) + next[owner_[i]]++;
-      row[place[old + i]] = Index(old + i);
-    }
+    for_each_index(old, [&](std::size_t v) { row[v] = place[v] = Index(v); });
+    for_each_index(fresh, [&](std::size_t i) {  // in any order at first
+      const Index at = std::atomic_ref<Index>(next[owner_[i]]).fetch_add(1, std::memory_order_relaxed);
+      row[old + at] = Index(old + i);
+    });
+    for_each_index(triangles_, [&](std::size_t t) {
+      const auto begin = row.begin() + std::ptrdiff_t(old + first_vertex[t]);
+      std::sort(begin, row.begin() + std::ptrdiff_t(old + first_vertex[t + 1]));
+    });
+    for_each_index(fresh, [&](std::size_t i) { place[row[old + i]] = Index(old + i); });
     const std::vector<Vec3> normal = std::move(out_.normal);
     const std::vector<std::array<Index, 2>> parent = std::move(out_.parent_edge);
     const std::vector<Birth> birth = std::move(birth_);

@@ -10,6 +10,9 @@
 #include <tuple>
 #include <utility>
 
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
+
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/trace.h"
@@ -19,9 +22,10 @@ namespace {
 
 constexpr double kMostAnew = 0.4;  // of a skin: with more to refine all of it is cheaper
 constexpr int kTries = 6;
-constexpr int kLeastRings = 4;  // about what has changed; the two outermost must come out as they were
-constexpr int kHalo = 2;        // rings beyond, whose splits are known
-constexpr int kAhead = 64;      // triangles looked through for one that lies farther on than it did
+constexpr int kLeastRings = 4;        // about what has changed; the two outermost must come out as they were
+constexpr int kHalo = 2;              // rings beyond, whose splits are known
+constexpr std::size_t kBlock = 4096;  // triangles
+constexpr int kAhead = 64;            // triangles looked through for one that lies farther on than it did
 
 bool same_bits(const Vec3& a, const Vec3& b) {
   return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
@@ -116,41 +120,65 @@ public:
   }
 
 private:
-  std::size_t old_corners() const { return last_.corner_.size(); }
+  std::size_t old_vertex_count() const { return last_.corner_.size(); }
   const Vec3& old_position(Index v) const { return last_.position(last_.corner_[v]); }
   const TriangleMesh& part_mesh() const { return part_.geometric.mesh; }
   bool inner(Index t) const { return distance_[t] <= rings_; }
   bool core(Index t) const { return distance_[t] <= rings_ - 2; }
   bool guard(Index t) const { return inner(t) && !core(t); }
   bool unaltered() const {
-    return is_identity(old_vertex_, old_corners()) && is_identity(old_triangle_, last_.child_.size());
+    return is_identity(old_vertex_, old_vertex_count()) && is_identity(old_triangle_, last_.child_.size());
   }
 
   /// Triangles of the old skin with the same corners by id, first corner first.
   void match_triangles() {
-    old_vertex_ = match_ids(last_.skin_.id, old_corners(), skin_.vertices.id);
-    new_vertex_.assign(old_corners(), kNone);
+    old_vertex_ = match_ids(last_.skin_.id, old_vertex_count(), skin_.vertices.id);
+    new_vertex_.assign(old_vertex_count(), kNone);
     for (Index v = 0; v < old_vertex_.size(); ++v)
       if (old_vertex_[v] != kNone) new_vertex_[old_vertex_[v]] = v;
     const std::size_t old_count = last_.vertex_.size() / 3;
     old_triangle_.assign(skin_.triangle_count(), kNone);
-    const auto gone = [&](std::size_t t) {
-      const Index* v = &last_.vertex_[3 * t];
-      return new_vertex_[v[0]] == kNone || new_vertex_[v[1]] == kNone || new_vertex_[v[2]] == kNone;
-    };
-    std::size_t at = 0;
-    for (std::size_t t = 0; t < old_triangle_.size(); ++t) {
-      const Index* v = &skin_.vertex[3 * t];
-      const std::array<Index, 3> wanted{old_vertex_[v[0]], old_vertex_[v[1]], old_vertex_[v[2]]};
-      if (wanted[0] == kNone || wanted[1] == kNone || wanted[2] == kNone) continue;
-      while (at < old_count && gone(at)) ++at;
-      for (std::size_t ahead = at; ahead < std::min(old_count, at + kAhead); ++ahead)
-        if (std::equal(wanted.begin(), wanted.end(), &last_.vertex_[3 * ahead])) {
-          old_triangle_[t] = Index(ahead);
-          at = ahead + 1;
-          break;
-        }
+    const std::size_t count = old_triangle_.size(), blocks = (count + kBlock - 1) / kBlock;
+    std::vector<std::size_t> start(blocks, 0);
+    for (std::size_t b = 1; b < blocks; ++b) start[b] = where_block_begins(b * kBlock, start[b - 1], old_count);
+    tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
+      std::size_t at = start[b];
+      for (std::size_t t = b * kBlock; t < std::min(count, (b + 1) * kBlock); ++t) {
+        const std::array<Index, 3> wanted = old_corners(t);
+        if (wanted[0] == kNone || wanted[1] == kNone || wanted[2] == kNone) continue;
+        while (at < old_count && gone(at)) ++at;
+        const std::size_t found = find(wanted, at, std::min(old_count, at + kAhead));
+        if (found == old_count) continue;
+        old_triangle_[t] = Index(found);
+        at = found + 1;
+      }
+    });
+  }
+
+  std::array<Index, 3> old_corners(std::size_t t) const {
+    const Index* v = &skin_.vertex[3 * t];
+    return {old_vertex_[v[0]], old_vertex_[v[1]], old_vertex_[v[2]]};
+  }
+  bool gone(std::size_t old) const {
+    const Index* v = &last_.vertex_[3 * old];
+    return new_vertex_[v[0]] == kNone || new_vertex_[v[1]] == kNone || new_vertex_[v[2]] == kNone;
+  }
+  /// The old triangle from `at` to `end` with these corners, else the number of all.
+  std::size_t find(const std::array<Index, 3>& corners, std::size_t at, std::size_t end) const {
+    for (; at < end; ++at)
+      if (std::equal(corners.begin(), corners.end(), &last_.vertex_[3 * at])) return at;
+    return last_.vertex_.size() / 3;
+  }
+  /// About where triangle t is among the old ones, when `last` is where the block before begins there: at most so much
+  /// farther on as triangles may have been dropped.
+  std::size_t where_block_begins(std::size_t t, std::size_t last, std::size_t old_count) const {
+    constexpr std::size_t kTriangles = 8, kDropped = 2 * kBlock;
+    const std::size_t least = std::min(old_count, last + kBlock);
+    for (std::size_t k = t; k < std::min(t + kTriangles, old_triangle_.size()); ++k) {
+      const std::size_t found = find(old_corners(k), least, std::min(old_count, least + kDropped));
+      if (found < old_count) return found;
     }
+    return last;
   }
 
   std::vector<Index> changed_triangles(const FieldChanges& changes) const {
@@ -203,11 +231,10 @@ private:
   /// Of the guard and beyond: triangles with points that were put back. When that happens depends on more than what
   /// comes of it.
   std::vector<Index> put_back_about() const {
-    std::vector<Index> found;
-    for (const Index t : triangle_)
-      if (distance_[t] > rings_ - 2 && any_old_vertex(t, [&](Index row) { return last_.birth_[row].put_back != 0; }))
-        found.push_back(t);
-    return found;
+    return among_triangles([&](Index i) {
+      const Index t = triangle_[i];
+      return distance_[t] > rings_ - 2 && any_old_vertex(t, [&](Index row) { return last_.birth_[row].put_back != 0; });
+    });
   }
 
   void refine_part() {
@@ -273,17 +300,23 @@ private:
 
   /// Triangles of the guard.
   std::vector<Index> come_out_otherwise() const {
-    std::vector<Index> found;
-    for (Index i = 0; i < triangle_.size(); ++i) {
-      if (!guard(triangle_[i])) continue;
+    return among_triangles([&](Index i) {
+      if (!guard(triangle_[i])) return false;
       const Index o = old_triangle_[triangle_[i]];
       const Rows child = last_.child_[o];
       bool same = part_children(i) == child.count && part_vertices(i) == last_.fresh_[o].count;
       for (Index k = 0; same && k < 3 * child.count; ++k)
         same = same_vertex(part_mesh().vertex[3 * part_.first_child[i] + k],
                            last_.geometric_.mesh.vertex[3 * child.first + k]);
-      if (!same) found.push_back(triangle_[i]);
-    }
+      return !same;
+    });
+  }
+
+  /// Triangles of the part for which wanted(number in the part).
+  template <class Wanted>
+  std::vector<Index> among_triangles(const Wanted& wanted) const {
+    std::vector<Index> found = indices_where(triangle_.size(), wanted);
+    for (Index& i : found) i = triangle_[i];
     return found;
   }
 
@@ -310,8 +343,11 @@ private:
       last_.geometric_.parent_edge[row] = {row, row};
       last_.birth_[row] = {};
     }
+    for_each_index(triangle_.size(), [&](std::size_t i) {
+      if (core(triangle_[i])) last_.bounds_[triangle_[i]] = last_.bounds(triangle_[i]);
+    });
     for (const Index t : triangle_)
-      if (core(t)) last_.changed_->push_back((last_.bounds_[t] = last_.bounds(t)).box());
+      if (core(t)) last_.changed_->push_back(last_.bounds_[t].box());
     last_.ordered_ = same_order && in_one_piece(last_.child_, 0, last_.geometric_.parent_triangle.size()) &&
                      in_one_piece(last_.fresh_, last_.corner_.size(), last_.birth_.size());
     last_.refined_triangles_ = triangle_.size();
@@ -320,12 +356,14 @@ private:
   /// Triangles that go or are of the core; sets new_triangle_.
   void take_out() {
     new_triangle_.assign(last_.child_.size(), kNone);
-    for (Index t = 0; t < old_triangle_.size(); ++t)
-      if (old_triangle_[t] != kNone) new_triangle_[old_triangle_[t]] = t;
-    for (Index o = 0; o < new_triangle_.size(); ++o) {
-      if (new_triangle_[o] != kNone && !core(new_triangle_[o])) continue;
+    for_each_index(old_triangle_.size(), [&](std::size_t t) {
+      if (old_triangle_[t] != kNone) new_triangle_[old_triangle_[t]] = Index(t);
+    });
+    const std::vector<Index> out = indices_where(
+        new_triangle_.size(), [&](Index o) { return new_triangle_[o] == kNone || core(new_triangle_[o]); });
+    for_each_index(out.size(), [&](std::size_t i) { last_.count(out[i], -1); });
+    for (const Index o : out) {
       last_.changed_->push_back(last_.bounds_[o].box());
-      last_.count(o, -1);
       last_.triangles_ -= last_.child_[o].count;
     }
   }
@@ -334,7 +372,7 @@ private:
   bool keeps_numbers() const {
     for (Index t = 0; t < old_triangle_.size(); ++t)
       if (old_triangle_[t] != t && !(old_triangle_[t] == kNone && t < new_triangle_.size())) return false;
-    return is_identity(old_vertex_, old_corners()) && old_triangle_.size() == new_triangle_.size();
+    return is_identity(old_vertex_, old_vertex_count()) && old_triangle_.size() == new_triangle_.size();
   }
 
   void renumber_all() {
@@ -349,7 +387,7 @@ private:
       renumber(last_.bounds_, old_triangle_);
       if (!last_.shape_.empty()) renumber(last_.shape_, old_triangle_);
     }
-    if (is_identity(old_vertex_, old_corners())) return;
+    if (is_identity(old_vertex_, old_vertex_count())) return;
     for (Index o = 0; o < new_vertex_.size(); ++o)
       if (new_vertex_[o] == kNone) last_.free_vertices_.give_back({last_.corner_[o], 1});
     std::vector<Index> corner(old_vertex_.size(), kNone);
@@ -475,12 +513,10 @@ void RefinedSkin::update(const TriangleMesh& skin, const FieldChanges* changes, 
 }
 
 void RefinedSkin::remember(const TriangleMesh& skin) {
-  skin_.rest = skin.vertices.rest;
-  skin_.velocity = skin.vertices.velocity;
-  skin_.id = skin.vertices.id;
-  skin_.age = skin.vertices.age;
+  tbb::parallel_invoke([&] { skin_.rest = skin.vertices.rest; }, [&] { skin_.velocity = skin.vertices.velocity; },
+                       [&] { skin_.id = skin.vertices.id; }, [&] { skin_.age = skin.vertices.age; },
+                       [&] { vertex_ = skin.vertex; });
   skin_next_id_ = skin.next_id;
-  vertex_ = skin.vertex;
 }
 
 void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const RefinedSkinOptions& options) {
@@ -488,15 +524,20 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   while (refiner.report().passes < options.refine.passes && refiner.pass()) {
   }
   Refinement refined = refiner.finish();
+  std::vector<std::vector<Stray>> strays((skin.triangle_count() + kBlock - 1) / kBlock);
+  tbb::parallel_for(std::size_t{0}, strays.size(), [&](std::size_t b) {
+    for (std::size_t t = b * kBlock; t < std::min(skin.triangle_count(), (b + 1) * kBlock); ++t)
+      find_strays(refined, Index(t), Index(t), options, strays[b]);
+  });
   stray_.clear();
-  for (Index t = 0; t < skin.triangle_count(); ++t) find_strays(refined, t, t, options, stray_);
+  for (const auto& some : strays) stray_.insert(stray_.end(), some.begin(), some.end());
   const Index corners = Index(skin.vertex_count());
   child_.resize(skin.triangle_count());
   fresh_.resize(skin.triangle_count());
-  for (Index t = 0; t < skin.triangle_count(); ++t) {
+  for_each_index(skin.triangle_count(), [&](std::size_t t) {
     child_[t] = {refined.first_child[t], refined.first_child[t + 1] - refined.first_child[t]};
     fresh_[t] = {corners + refined.first_vertex[t], refined.first_vertex[t + 1] - refined.first_vertex[t]};
-  }
+  });
   corner_.resize(corners);
   std::iota(corner_.begin(), corner_.end(), Index{0});
   birth_.assign(corners, {});
