@@ -169,16 +169,16 @@ private:
       if (std::equal(corners.begin(), corners.end(), &last_.vertex_[3 * at])) return at;
     return last_.vertex_.size() / 3;
   }
-  /// About where triangle t is among the old ones, when `last` is where the block before begins there: at most so much
-  /// farther on as triangles may have been dropped.
+  /// About where triangle t is among the old ones, when `last` is where the block before begins there: some have come
+  /// in between, or gone.
   std::size_t where_block_begins(std::size_t t, std::size_t last, std::size_t old_count) const {
-    constexpr std::size_t kTriangles = 8, kDropped = 2 * kBlock;
-    const std::size_t least = std::min(old_count, last + kBlock);
+    constexpr std::size_t kTriangles = 8, kCome = kBlock / 2, kGone = 2 * kBlock;
+    const std::size_t least = std::min(old_count, last + kBlock - kCome);
     for (std::size_t k = t; k < std::min(t + kTriangles, old_triangle_.size()); ++k) {
-      const std::size_t found = find(old_corners(k), least, std::min(old_count, least + kDropped));
+      const std::size_t found = find(old_corners(k), least, std::min(old_count, least + kCome + kGone));
       if (found < old_count) return found;
     }
-    return last;
+    return std::min(old_count, last + kBlock);
   }
 
   std::vector<Index> changed_triangles(const FieldChanges& changes) const {
