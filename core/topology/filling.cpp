@@ -51,6 +51,14 @@ Filling make_filling(OpenSurface surface, Backend& backend) {
     filling.count[v] =
         Index(std::unique(begin, end, [](const auto& p, const auto& q) { return p.to == q.to; }) - begin);
   });
+  filling.twin.resize(s.triangle.size());
+  for_each_index(s.triangle.size(), [&](std::size_t h) {
+    const Index end = s.triangle[TriangleMesh::next(Index(h))];
+    const Index t = filling.triangle(end, s.triangle[h]);
+    filling.twin[h] = kNone;
+    for (Index k = 3 * t; t != kNone && k < 3 * t + 3; ++k)
+      if (s.triangle[k] == end) filling.twin[h] = k;
+  });
   return filling;
 }
 

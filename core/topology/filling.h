@@ -22,6 +22,7 @@ struct Filling {
   std::vector<Index> first;  // per vertex: its edges in `edge`, CSR with gaps: count[v] are used
   std::vector<Index> count;
   std::vector<Edge> edge;
+  std::vector<Index> twin;  // per halfedge, numbered as those of a TriangleMesh; kNone at the border
 
   std::size_t triangle_count() const { return surface.triangle.size() / 3; }
   std::span<const Edge> edges(Index v) const { return {edge.data() + first[v], count[v]}; }

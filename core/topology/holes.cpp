@@ -1,54 +1,104 @@
 #include "core/topology/holes.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_sort.h>
+
+#include "core/mesh/independent_edits.h"
 #include "core/mesh/one_ring.h"
+#include "core/parallel.h"
 
 namespace isoskin {
 namespace {
 
-/// Removes connected scraps that would stay between removed triangles: they have no surroundings to be placed by.
-void remove_scraps(const TriangleMesh& mesh, std::size_t most, std::vector<std::uint8_t>& removed) {
-  std::vector<std::uint8_t> seen = removed;
-  std::vector<Index> scrap;
-  for (Index start = 0; start < removed.size(); ++start) {
-    const bool beside = removed[mesh.twin[3 * start] / 3] || removed[mesh.twin[3 * start + 1] / 3] ||
-                        removed[mesh.twin[3 * start + 2] / 3];
-    if (seen[start] || !beside) continue;
-    scrap.assign(1, start);
-    seen[start] = 1;
-    for (std::size_t i = 0; i < scrap.size() && scrap.size() <= most; ++i)
-      for (Index h = 3 * scrap[i]; h < 3 * scrap[i] + 3; ++h)
-        if (const Index next = mesh.twin[h] / 3; !seen[next]) {
-          seen[next] = 1;
-          scrap.push_back(next);
-        }
-    if (scrap.size() <= most)
-      for (const Index t : scrap) removed[t] = 1;
-    else
-      for (const Index t : scrap) seen[t] = 0;
+/// Triangles to be removed, and those that have been.
+class Removal {
+public:
+  Removal(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot)
+      : mesh_(mesh), removed_(mesh.triangle_count()), leaving_(mesh.vertex_count()) {
+    for_each_index(removed_.size(), [&](std::size_t t) {
+      removed_[t] = hot[mesh.vertex[3 * t]] || hot[mesh.vertex[3 * t + 1]] || hot[mesh.vertex[3 * t + 2]];
+    });
+    list_ = indices_where(removed_.size(), [&](Index t) { return removed_[t]; });
   }
-}
 
-std::vector<std::uint8_t> removed_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
-  std::vector<std::uint8_t> removed(mesh.triangle_count(), 0);
-  for (Index h = 0; h < mesh.vertex.size(); ++h) removed[h / 3] |= hot[mesh.vertex[h]];
-  constexpr std::size_t kScrap = 24;  // triangles
-  remove_scraps(mesh, kScrap, removed);
-  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
-  for (bool widened = true; widened;) {
-    widened = false;
-    for (Index v = 0; v < mesh.vertex_count(); ++v) {
-      int changes = 0;
-      for_each_leaving(mesh, outgoing[v], [&](Index h) { changes += removed[h / 3] != removed[mesh.twin[h] / 3]; });
-      if (changes <= 2) continue;
-      for_each_leaving(mesh, outgoing[v], [&](Index h) { removed[h / 3] = 1; });
-      widened = true;
+  /// Connected scraps of so many triangles that would stay between removed ones: they have no surroundings to be placed
+  /// by.
+  void remove_scraps(std::size_t most) {
+    std::vector<Index> beside;
+    for (const Index t : list_)
+      for (Index h = 3 * t; h < 3 * t + 3; ++h)
+        if (!removed_[mesh_.twin[h] / 3]) beside.push_back(mesh_.twin[h] / 3);
+    std::vector<std::uint8_t> seen = removed_;
+    std::vector<Index> scrap;
+    for (const Index start : beside) {
+      if (seen[start]) continue;
+      scrap.assign(1, start);
+      seen[start] = 1;
+      for (std::size_t i = 0; i < scrap.size() && scrap.size() <= most; ++i)
+        for (Index h = 3 * scrap[i]; h < 3 * scrap[i] + 3; ++h)
+          if (const Index next = mesh_.twin[h] / 3; !seen[next]) {
+            seen[next] = 1;
+            scrap.push_back(next);
+          }
+      for (const Index t : scrap)
+        if (scrap.size() <= most)
+          remove(t);
+        else
+          seen[t] = 0;
     }
   }
-  return removed;
-}
+
+  /// More, until every border is a simple closed curve.
+  void widen() {
+    std::vector<std::uint64_t> due((mesh_.vertex_count() + 63) / 64, 0);  // a bit a vertex
+    const auto look_at = [&](Index t) {
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+        leaving_[mesh_.vertex[h]] = h;
+        due[mesh_.vertex[h] / 64] |= std::uint64_t(1) << mesh_.vertex[h] % 64;
+      }
+    };
+    for (const Index t : list_) look_at(t);
+    for (bool widened = true; widened;) {
+      widened = false;
+      for (Index w = 0; w < due.size(); ++w)
+        while (due[w] != 0) {  // those that come after are looked at in the same sweep
+          const Index v = 64 * w + Index(std::countr_zero(due[w]));
+          due[w] &= due[w] - 1;
+          int changes = 0;
+          for_each_leaving(mesh_, leaving_[v],
+                           [&](Index h) { changes += removed_[h / 3] != removed_[mesh_.twin[h] / 3]; });
+          if (changes <= 2) continue;
+          for_each_leaving(mesh_, leaving_[v], [&](Index h) {
+            if (removed_[h / 3]) return;
+            remove(h / 3);
+            look_at(h / 3);
+          });
+          widened = true;
+        }
+    }
+  }
+
+  /// Ascending.
+  std::vector<Index> triangles() {
+    tbb::parallel_sort(list_);
+    return std::move(list_);
+  }
+
+private:
+  void remove(Index t) {
+    removed_[t] = 1;
+    list_.push_back(t);
+  }
+
+  const TriangleMesh& mesh_;
+  std::vector<std::uint8_t> removed_;
+  std::vector<Index> list_;     // of the removed triangles
+  std::vector<Index> leaving_;  // per vertex of a removed triangle: a halfedge that leaves it
+};
 
 /// Counts a set of triangles' vertices, edges and faces. Edges inside the set are seen from both sides.
 class EulerCount {
@@ -73,11 +123,14 @@ private:
   int vertices_ = 0, faces_ = 0, inner_halfedges_ = 0, border_halfedges_ = 0;
 };
 
-void number_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& removed, Holes& holes) {
-  holes.of_triangle.assign(removed.size(), kNone);
+/// `removed`: ascending.
+void number_holes(const TriangleMesh& mesh, const std::vector<Index>& removed, Holes& holes) {
+  constexpr Index kUnnumbered = kNone - 1;
+  holes.of_triangle.assign(mesh.triangle_count(), kNone);
+  for (const Index t : removed) holes.of_triangle[t] = kUnnumbered;
   EulerCount count(mesh.vertex_count());
-  for (Index start = 0; start < removed.size(); ++start) {
-    if (!removed[start] || holes.of_triangle[start] != kNone) continue;
+  for (const Index start : removed) {
+    if (holes.of_triangle[start] != kUnnumbered) continue;
     const Index hole = holes.count();
     count.start(hole);
     std::vector<Index> stack(1, start);
@@ -89,8 +142,8 @@ void number_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& rem
       for (Index h = 3 * t; h < 3 * t + 3; ++h) {
         count.corner(mesh.vertex[h]);
         const Index next = mesh.twin[h] / 3;
-        count.halfedge(!removed[next]);
-        if (!removed[next] || holes.of_triangle[next] != kNone) continue;
+        count.halfedge(holes.of_triangle[next] == kNone);
+        if (holes.of_triangle[next] != kUnnumbered) continue;
         holes.of_triangle[next] = hole;
         stack.push_back(next);
       }
@@ -99,12 +152,11 @@ void number_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& rem
   }
 }
 
-void find_seams(const TriangleMesh& mesh, Holes& holes) {
-  const auto removed = [&](Index h) { return holes.of_triangle[h / 3] != kNone; };
-  const auto on_border = [&](Index h) { return removed(h) && !removed(mesh.twin[h]); };
+void find_seams(const TriangleMesh& mesh, const std::vector<Index>& removed, Holes& holes) {
+  const auto is_removed = [&](Index h) { return holes.of_triangle[h / 3] != kNone; };
+  const auto on_border = [&](Index h) { return is_removed(h) && !is_removed(mesh.twin[h]); };
   std::vector<std::uint8_t> seen(mesh.vertex.size(), 0);
-  for (Index start = 0; start < mesh.vertex.size(); ++start) {
-    if (seen[start] || !on_border(start)) continue;
+  const auto follow = [&](Index start) {
     Seam seam;
     seam.hole = holes.of_triangle[start / 3];
     Index h = start;
@@ -115,7 +167,10 @@ void find_seams(const TriangleMesh& mesh, Holes& holes) {
       while (!on_border(h)) h = TriangleMesh::next(mesh.twin[h]);
     } while (h != start);
     holes.seams.push_back(std::move(seam));
-  }
+  };
+  for (const Index t : removed)
+    for (Index h = 3 * t; h < 3 * t + 3; ++h)
+      if (!seen[h] && on_border(h)) follow(h);
 }
 
 /// Marks seams that cannot be snapped.
@@ -144,23 +199,37 @@ std::vector<Index> snap(const TriangleMesh& mesh, const std::vector<Vec3>& norma
   return snapped;
 }
 
+/// The paths of all seams together: each is the shortest that keeps off those before it.
 void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filling& filling,
                  const std::vector<Index>& snapped, double spacing) {
   constexpr float kSlack = 4.0f;  // in lattice spacings: how much longer than the edge a path may be
   std::vector<std::uint8_t> used(filling.surface.position.size(), 0);
   for (const Index target : snapped)
     if (target != kNone) used[target] = 1;
-  PathFinder paths(filling);
-  for (Seam& seam : seams) {
-    for (const Index h : seam.halfedge) {
-      if (seam.failed) break;
-      std::vector<Index> path = paths.path(snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
-      if (path.empty()) seam.failed_at.push_back(h);
-      for (const Index v : path) used[v] = 1;
-      seam.path.push_back(std::move(path));
-    }
-    seam.failed |= !seam.failed_at.empty();
+  std::vector<std::pair<Index, Index>> edges;  // seam, its halfedge
+  for (Index s = 0; s < seams.size(); ++s) {
+    if (seams[s].failed) continue;
+    seams[s].path.resize(seams[s].halfedge.size());
+    for (Index i = 0; i < seams[s].halfedge.size(); ++i) edges.emplace_back(s, i);
   }
+  const auto find = [&](PathFinder& paths, Index h) {
+    return paths.path(snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
+  };
+  // Most paths are far from each other: only those that meet one before them are to be found again, in order.
+  tbb::enumerable_thread_specific<PathFinder> finders([&] { return PathFinder(filling); });
+  for_each_index(edges.size(), [&](std::size_t e) {
+    Seam& seam = seams[edges[e].first];
+    seam.path[edges[e].second] = find(finders.local(), seam.halfedge[edges[e].second]);
+  });
+  for (const auto& [s, i] : edges) {
+    std::vector<Index>& path = seams[s].path[i];
+    const bool meets =
+        path.size() > 2 && std::any_of(path.begin() + 1, path.end() - 1, [&](Index v) { return used[v]; });
+    if (meets) path = find(finders.local(), seams[s].halfedge[i]);
+    if (path.empty()) seams[s].failed_at.push_back(seams[s].halfedge[i]);
+    for (const Index v : path) used[v] = 1;
+  }
+  for (Seam& seam : seams) seam.failed |= !seam.failed_at.empty();
 }
 
 /// The directed edges of all complete paths, with their seams.
@@ -230,8 +299,13 @@ private:
 
 Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
   Holes holes;
-  number_holes(mesh, removed_triangles(mesh, hot), holes);
-  find_seams(mesh, holes);
+  constexpr std::size_t kScrap = 24;  // triangles
+  Removal removal(mesh, hot);
+  removal.remove_scraps(kScrap);
+  removal.widen();
+  const std::vector<Index> removed = removal.triangles();
+  number_holes(mesh, removed, holes);
+  find_seams(mesh, removed, holes);
   return holes;
 }
 
@@ -269,8 +343,8 @@ Patches find_patches(Holes& holes, const Filling& filling) {
         count.corner(a);
         count.halfedge(own);
         if (own) continue;
-        const Index next = filling.triangle(b, a);
-        if (next == kNone || barriers.seam(b, a) != kNone) {
+        const Index twin = filling.twin[h], next = twin / 3;
+        if (twin == kNone || barriers.seam(b, a) != kNone) {
           leaky = true;
         } else if (patches.of_triangle[next] == kNone) {
           patches.of_triangle[next] = patch;
@@ -323,9 +397,9 @@ Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, c
   Leaks leaks;
   for (std::size_t i = 0; i < queue.size(); ++i)
     for (Index h = 3 * queue[i]; h < 3 * queue[i] + 3; ++h) {
-      const Index a = triangle[h], b = triangle[TriangleMesh::next(h)], next = filling.triangle(b, a);
-      if (next == kNone) leaks.ends.push_back(filling.surface.position[a]);
-      if (next == kNone || seen[next] || barriers.seam(a, b) != kNone || barriers.seam(b, a) != kNone) continue;
+      const Index a = triangle[h], b = triangle[TriangleMesh::next(h)], twin = filling.twin[h], next = twin / 3;
+      if (twin == kNone) leaks.ends.push_back(filling.surface.position[a]);
+      if (twin == kNone || seen[next] || barriers.seam(a, b) != kNone || barriers.seam(b, a) != kNone) continue;
       Index met = kNone;
       for (Index k = 3 * next; k < 3 * next + 3 && met == kNone; ++k) met = skin.on(triangle[k]);
       if (met == kNone) {

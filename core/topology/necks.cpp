@@ -9,7 +9,8 @@ namespace isoskin {
 namespace {
 
 bool on_neck(const TriangleMesh& mesh, Index leaving) {
-  std::vector<Index> ring;
+  thread_local std::vector<Index> ring;
+  ring.clear();
   for_each_leaving(mesh, leaving, [&](Index k) { ring.push_back(mesh.to(k)); });
   bool found = false;
   for_each_leaving(mesh, leaving, [&](Index k) {

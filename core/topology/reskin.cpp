@@ -1,6 +1,7 @@
 #include "core/topology/reskin.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 #include <optional>
@@ -41,12 +42,6 @@ std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, const std::v
   return folded;
 }
 
-std::vector<std::uint8_t> near_points(const std::vector<Vec3>& position, const PointGrid& points) {
-  std::vector<std::uint8_t> near(position.size());
-  for_each_index(near.size(), [&](std::size_t v) { near[v] = points.any_near(position[v]); });
-  return near;
-}
-
 /// Vertices of failed pieces near a point.
 std::vector<std::uint8_t> hot_vertices(const Scene& scene, const PointGrid& points) {
   std::vector<std::uint8_t> hot(scene.mesh.vertex_count());
@@ -76,31 +71,29 @@ void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
 }
 
 /// Closed pieces of the filling that failed and that no seam has reached: those without a mesh, and those whose mesh
-/// was emptied.
-std::vector<std::uint8_t> whole_pieces(const Filling& filling, const Certificate& certificate,
-                                       const std::vector<std::uint8_t>& hot, const std::vector<std::uint8_t>& inside) {
+/// was emptied, near `bad` points. One byte a triangle.
+std::vector<std::uint8_t> whole_pieces(const Filling& filling, const Certificate& certificate, const PointGrid& bad,
+                                       const std::vector<std::uint8_t>& inside) {
   const auto& triangle = filling.surface.triangle;
-  std::vector<std::uint8_t> seen = inside, whole_piece(inside.size(), 0);
-  for (Index start = 0; start < inside.size(); ++start) {
-    if (seen[start]) continue;
-    std::vector<Index> piece(1, start);
-    seen[start] = 1;
-    bool whole = true, emptied = false;
-    for (std::size_t i = 0; i < piece.size(); ++i)
-      for (Index h = 3 * piece[i]; h < 3 * piece[i] + 3; ++h) {
-        const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
-        const Index t = filling.triangle(b, a);
-        emptied |= hot[a];
-        whole &= t != kNone && !inside[t];
-        if (t == kNone || seen[t]) continue;
-        seen[t] = 1;
-        piece.push_back(t);
-      }
-    const Fault fault = certificate.lattice_piece[filling.surface.piece[triangle[3 * start]]];
-    if (whole && (fault == Fault::missing || (fault != Fault::none && emptied)))
-      for (const Index t : piece) whole_piece[t] = 1;
-  }
-  return whole_piece;
+  const auto piece_of = [&](std::size_t t) { return filling.surface.piece[triangle[3 * t]]; };
+  const auto mark = [](std::uint8_t& flag) { std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed); };
+  std::vector<std::uint8_t> broken(certificate.lattice_piece.size()), emptied(broken.size());
+  for_each_index(inside.size(), [&](std::size_t t) {
+    const Index* const twin = &filling.twin[3 * t];
+    if (inside[t] || twin[0] == kNone || twin[1] == kNone || twin[2] == kNone) mark(broken[piece_of(t)]);
+  });
+  for_each_index(filling.surface.position.size(), [&](std::size_t v) {
+    const Index piece = filling.surface.piece[v];
+    const bool open = !broken[piece] && certificate.lattice_piece[piece] != Fault::none;
+    if (open && bad.any_near(filling.surface.position[v])) mark(emptied[piece]);
+  });
+  std::vector<std::uint8_t> whole(inside.size());
+  for_each_index(inside.size(), [&](std::size_t t) {
+    const Index piece = piece_of(t);
+    const Fault fault = certificate.lattice_piece[piece];
+    whole[t] = !broken[piece] && (fault == Fault::missing || (fault != Fault::none && emptied[piece]));
+  });
+  return whole;
 }
 
 /// Holes and patches that hang together by their seams, and what is to be done with them.
@@ -288,8 +281,7 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
 
   std::vector<std::uint8_t> inside(filling.triangle_count());
   for (Index t = 0; t < inside.size(); ++t) inside[t] = patches.of_triangle[t] != kNone;
-  const std::vector<std::uint8_t> whole =
-      whole_pieces(filling, scene.certificate, near_points(filling.surface.position, near_bad), inside);
+  const std::vector<std::uint8_t> whole = whole_pieces(filling, scene.certificate, near_bad, inside);
   for (Index t = 0; t < inside.size(); ++t)
     inside[t] = (whole[t] && !scene.options.alike_only) ||
                 (patches.of_triangle[t] != kNone && groups.replaces(patches.of_triangle[t]));
