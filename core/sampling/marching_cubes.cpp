@@ -52,19 +52,12 @@ CellSurface surface_in_cell(const BrickLattice& lattice, Index brick, const Surf
   return cell_surface(s, cell.tunnel, point);
 }
 
-/// Triangles of some of the patches, with the piece of every vertex.
-struct Triangulation {
-  std::vector<Vec3> position;
-  std::vector<Index> triangle;
-  std::vector<Index> piece;
-};
-
-/// Cuts the patches for which is_wanted(brick, patch) holds, by the patch's number in the brick. `vertex`: 1 for every
-/// crossing they use, and one entry more. Vertices are those crossings in order, then the centres of loops in order of
-/// their bricks.
+/// Cuts the patches for which is_wanted(brick, patch) holds, by the patch's number in the brick. `fresh`: 1 for every
+/// crossing they use that has no position yet, and one entry more. New positions are those crossings in order, then the
+/// centres of loops in order of their bricks.
 template <class Wanted>
-Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t, const Wanted& is_wanted,
-                          std::vector<Index> vertex) {
+void triangulate(const BrickLattice& lattice, const LatticeTopology& t, const Wanted& is_wanted,
+                 std::vector<Index> fresh, OpenSurface& out) {
   const std::size_t bricks = lattice.brick_count();
   std::vector<Index> first_triangle(bricks + 1, 0), first_centre(bricks + 1, 0);
   for_bricks(bricks, [&](std::size_t b) {
@@ -78,25 +71,28 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
       }
     });
   });
-  Triangulation out;
-  std::vector<std::uint8_t> used(t.crossing_count);
-  for (std::size_t c = 0; c < used.size(); ++c) used[c] = vertex[c] != 0;
-  const Index crossings = offsets_from_counts(vertex);
+  const std::size_t corners_before = out.triangle.size();
+  const Index before = static_cast<Index>(out.position.size());
+  const Index crossings = before + offsets_from_counts(fresh);
   const Index triangles = offsets_from_counts(first_triangle);
   const std::size_t vertices = std::size_t{crossings} + offsets_from_counts(first_centre);
-  out.triangle.resize(std::size_t{triangles} * 3);
+  out.triangle.resize(corners_before + std::size_t{triangles} * 3);
   out.position.resize(vertices);
   out.piece.resize(vertices);
+  out.of_crossing.resize(t.crossing_count, kNone);
   for_bricks(bricks, [&](std::size_t b) {
+    const Index first = t.crossings[b].first;
+    if (fresh[first] == fresh[first + t.crossings[b].size()]) return;
     for_each_crossing(t.crossings[b], [&](Index number, const IVec3& corner, int axis) {
-      const Index c = t.crossings[b].first + number;
-      if (!used[c]) return;
-      out.position[vertex[c]] = crossing_point(lattice, static_cast<Index>(b), corner, axis);
-      out.piece[vertex[c]] = t.piece_of_crossing(static_cast<Index>(b), number);
+      const Index c = first + number;
+      if (fresh[c] == fresh[c + 1]) return;
+      const Index v = out.of_crossing[c] = before + fresh[c];
+      out.position[v] = crossing_point(lattice, static_cast<Index>(b), corner, axis);
+      out.piece[v] = t.piece_of_crossing(static_cast<Index>(b), number);
     });
   });
   for_bricks(bricks, [&](std::size_t b) {
-    std::size_t corner = std::size_t{first_triangle[b]} * 3;
+    std::size_t corner = corners_before + std::size_t{first_triangle[b]} * 3;
     Index centre = crossings + first_centre[b];
     if (first_triangle[b] == first_triangle[b + 1]) return;
     for_each_surface_cell(t, b, [&](const SurfaceCell& cell) {
@@ -116,11 +112,10 @@ Triangulation triangulate(const BrickLattice& lattice, const LatticeTopology& t,
       for (int k = 0; k < surface.triangles; ++k) {
         if (!is_wanted(b, cell.first_patch + surface.loop_of_triangle[k])) continue;
         for (const std::uint8_t c : surface.triangle[k])
-          out.triangle[corner++] = c < 12 ? vertex[crossing[c]] : extra[c - 12];
+          out.triangle[corner++] = c < 12 ? out.of_crossing[crossing[c]] : extra[c - 12];
       }
     });
   });
-  return out;
 }
 
 }  // namespace
@@ -135,9 +130,10 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
     for (Index n = 0; n < crossings; ++n)
       vertex[t.crossings[b].first + n] = is_wanted(t.piece_of_crossing(static_cast<Index>(b), n));
   });
-  Triangulation soup = triangulate(
+  OpenSurface soup;
+  triangulate(
       lattice, t, [&](std::size_t b, Index patch) { return is_wanted(t.piece_of_patch(static_cast<Index>(b), patch)); },
-      std::move(vertex));
+      std::move(vertex), soup);
 
   TriangleMesh mesh;
   mesh.vertex = std::move(soup.triangle);
@@ -151,19 +147,20 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
   return mesh;
 }
 
-OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopology& t,
-                                const std::vector<std::uint8_t>& wanted_brick) {
-  std::vector<Index> vertex(std::size_t{t.crossing_count} + 1, 0);
+void add_bricks(const BrickLattice& lattice, const LatticeTopology& t, const std::vector<std::uint8_t>& wanted_brick,
+                OpenSurface& surface) {
+  std::vector<Index> fresh(std::size_t{t.crossing_count} + 1, 0);
+  const auto is_known = [&](Index c) { return !surface.of_crossing.empty() && surface.of_crossing[c] != kNone; };
   for_bricks(lattice.brick_count(), [&](std::size_t b) {
     if (!wanted_brick[b]) return;
     for_each_surface_cell(t, b, [&](const SurfaceCell& cell) {
       for (const Index c : cell_crossings(t, static_cast<Index>(b), cell))
-        if (c != kNone) std::atomic_ref(vertex[c]).store(1, std::memory_order_relaxed);  // bricks share crossings
+        if (c != kNone && !is_known(c))
+          std::atomic_ref(fresh[c]).store(1, std::memory_order_relaxed);  // bricks share crossings
     });
   });
-  Triangulation soup = triangulate(
-      lattice, t, [&](std::size_t b, Index) { return wanted_brick[b] != 0; }, std::move(vertex));
-  return {std::move(soup.position), std::move(soup.triangle), std::move(soup.piece)};
+  triangulate(
+      lattice, t, [&](std::size_t b, Index) { return wanted_brick[b] != 0; }, std::move(fresh), surface);
 }
 
 }  // namespace isoskin

@@ -125,12 +125,14 @@ TriangleMesh marching_cubes(const BrickLattice& lattice, const LatticeTopology& 
 /// A part of the surface with borders: positions and triangles, counter-clockwise seen from outside.
 struct OpenSurface {
   std::vector<Vec3> position;
-  std::vector<Index> triangle;  // 3 a triangle
-  std::vector<Index> piece;     // per position: the piece of the LatticeTopology
+  std::vector<Index> triangle;     // 3 a triangle
+  std::vector<Index> piece;        // per position: the piece of the LatticeTopology
+  std::vector<Index> of_crossing;  // per crossing of the LatticeTopology: its position, kNone where it has none
 };
 
-/// The triangles of all patches in bricks b with wanted_brick[b] != 0, as marching_cubes makes them.
-OpenSurface marching_cubes_open(const BrickLattice& lattice, const LatticeTopology& topology,
-                                const std::vector<std::uint8_t>& wanted_brick);
+/// Adds the triangles of all patches in bricks b with wanted_brick[b] != 0, as marching_cubes makes them. None of these
+/// may have been added before. What was there keeps its numbers.
+void add_bricks(const BrickLattice& lattice, const LatticeTopology& topology,
+                const std::vector<std::uint8_t>& wanted_brick, OpenSurface& surface);
 
 }  // namespace isoskin

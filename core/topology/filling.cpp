@@ -1,8 +1,8 @@
 #include "core/topology/filling.h"
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
-#include <utility>
 
 #include "core/mesh/triangle_mesh.h"
 #include "core/parallel.h"
@@ -26,40 +26,63 @@ std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backen
   return normals;
 }
 
-Filling make_filling(OpenSurface surface, Backend& backend) {
-  Filling filling;
-  filling.surface = std::move(surface);
-  const auto& s = filling.surface;
-  filling.normal = field_normals(s.position, backend);
-  filling.first.assign(s.position.size() + 1, 0);
-  for (const Index v : s.triangle) filling.first[v] += 2;  // each halfedge is seen from both of its ends
-  Index sum = 0;
-  for (Index& f : filling.first) sum += std::exchange(f, sum);
-  filling.edge.resize(sum);
-  filling.count.assign(s.position.size(), 0);
+void Filling::catch_up(Backend& backend) {
+  const Index first_halfedge = Index(twin.size());
+  const std::vector<Vec3> fresh(surface.position.begin() + std::ptrdiff_t(normal.size()), surface.position.end());
+  const std::vector<Vec3> of_fresh = field_normals(fresh, backend);
+  normal.insert(normal.end(), of_fresh.begin(), of_fresh.end());
+  const Index old_edges = Index(edge.size());
+  make_room_for_edges(first_halfedge);
   const auto add = [&](Index from, Index to, Index triangle) {
-    filling.edge[filling.first[from] + filling.count[from]++] = {to, triangle};
+    const Index slot = std::atomic_ref(count[from]).fetch_add(1, std::memory_order_relaxed);
+    edge[first[from] + slot] = {to, triangle};
   };
-  for (Index h = 0; h < s.triangle.size(); ++h) {
-    const Index a = s.triangle[h], b = s.triangle[TriangleMesh::next(h)];
+  for_each_index(surface.triangle.size() - first_halfedge, [&](std::size_t i) {
+    const Index h = first_halfedge + Index(i), a = surface.triangle[h], b = surface.triangle[TriangleMesh::next(h)];
     add(a, b, h / 3);
     add(b, a, kNone);
-  }
-  for_each_index(s.position.size(), [&](std::size_t v) {
-    const auto begin = filling.edge.begin() + filling.first[v], end = begin + filling.count[v];
+  });
+  for_each_index(surface.position.size(), [&](std::size_t v) {
+    if (first[v] < old_edges) return;  // has got no new ones
+    const auto begin = edge.begin() + first[v], end = begin + count[v];
     std::sort(begin, end);  // a triangle comes before kNone
-    filling.count[v] =
-        Index(std::unique(begin, end, [](const auto& p, const auto& q) { return p.to == q.to; }) - begin);
+    count[v] = Index(std::unique(begin, end, [](const auto& p, const auto& q) { return p.to == q.to; }) - begin);
   });
-  filling.twin.resize(s.triangle.size());
-  for_each_index(s.triangle.size(), [&](std::size_t h) {
-    const Index end = s.triangle[TriangleMesh::next(Index(h))];
-    const Index t = filling.triangle(end, s.triangle[h]);
-    filling.twin[h] = kNone;
+  link_twins(first_halfedge);
+}
+
+/// Vertices of triangles from there on get twice as much, for each of their corners; their edges are moved to the end.
+void Filling::make_room_for_edges(Index first_halfedge) {
+  const std::size_t vertices = surface.position.size();
+  std::vector<Index> more(vertices, 0), place(vertices);
+  for_each_index(surface.triangle.size() - first_halfedge, [&](std::size_t i) {
+    std::atomic_ref(more[surface.triangle[first_halfedge + i]]).fetch_add(2, std::memory_order_relaxed);
+  });
+  first.resize(vertices, 0);
+  count.resize(vertices, 0);
+  Index end = Index(edge.size());
+  for (std::size_t v = 0; v < vertices; ++v) {
+    place[v] = more[v] > 0 ? end : first[v];
+    if (more[v] > 0) end += count[v] + more[v];
+  }
+  edge.resize(end);
+  for_each_index(vertices, [&](std::size_t v) {
+    if (more[v] > 0) std::copy_n(edge.begin() + first[v], count[v], edge.begin() + place[v]);
+  });
+  first = std::move(place);
+}
+
+void Filling::link_twins(Index first_halfedge) {
+  twin.resize(surface.triangle.size(), kNone);
+  for_each_index(surface.triangle.size() - first_halfedge, [&](std::size_t i) {
+    const Index h = first_halfedge + Index(i), end = surface.triangle[TriangleMesh::next(h)];
+    const Index t = triangle(end, surface.triangle[h]);
     for (Index k = 3 * t; t != kNone && k < 3 * t + 3; ++k)
-      if (s.triangle[k] == end) filling.twin[h] = k;
+      if (surface.triangle[k] == end) {
+        twin[h] = k;
+        if (k < first_halfedge) twin[k] = h;
+      }
   });
-  return filling;
 }
 
 std::vector<Index> PathFinder::path(Index a, Index b, const std::vector<std::uint8_t>& used, float slack) {

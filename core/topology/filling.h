@@ -10,7 +10,7 @@
 
 namespace isoskin {
 
-/// The lattice's surface with borders, with the neighbourhoods and normals that seams need.
+/// A part of the lattice's surface, with the neighbourhoods and normals that seams need. Grows: see catch_up().
 struct Filling {
   struct Edge {
     Index to, triangle;  // the triangle with the halfedge to `to`; kNone on the outside of the filling's border
@@ -19,8 +19,8 @@ struct Filling {
 
   OpenSurface surface;
   std::vector<Vec3> normal;  // of the field, outward, at every position
-  std::vector<Index> first;  // per vertex: its edges in `edge`, CSR with gaps: count[v] are used
-  std::vector<Index> count;
+  std::vector<Index> first;  // per vertex: its first edge in `edge`, which has gaps
+  std::vector<Index> count;  // per vertex: of its edges, which are sorted
   std::vector<Edge> edge;
   std::vector<Index> twin;  // per halfedge, numbered as those of a TriangleMesh; kNone at the border
 
@@ -28,10 +28,14 @@ struct Filling {
   std::span<const Edge> edges(Index v) const { return {edge.data() + first[v], count[v]}; }
   /// The triangle with the halfedge, kNone where there is none.
   Index triangle(Index from, Index to) const;
-};
 
-/// The backend must hold the field.
-Filling make_filling(OpenSurface surface, Backend& backend);
+  /// The surface has been added to: brings the rest up to it. The backend must hold the field.
+  void catch_up(Backend& backend);
+
+private:
+  void make_room_for_edges(Index first_halfedge);
+  void link_twins(Index first_halfedge);
+};
 
 /// Outward unit normals of the field, zero where the gradient vanishes.
 std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backend);

@@ -8,17 +8,28 @@
 
 namespace isoskin {
 
+GrowingFilling::GrowingFilling(const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend)
+    : lattice_(lattice),
+      topology_(topology),
+      backend_(backend),
+      built_(lattice.brick_count(), 0),
+      near_(seam_reach(lattice.spacing)) {}
+
 void GrowingFilling::extend(const std::vector<Vec3>& points, float least, float reach) {
   const std::vector<std::uint8_t> needed = bricks_about(points, least);
-  bool covered = near_.has_value();
-  for (std::size_t b = 0; b < needed.size() && covered; ++b) covered = needed[b] <= wanted_[b];
+  bool covered = true;
+  for (std::size_t b = 0; b < needed.size() && covered; ++b) covered = needed[b] <= built_[b];
   if (covered) return;
   const Span span("filling");
-  const std::vector<std::uint8_t> more = bricks_about(points, reach);
-  for (std::size_t b = 0; b < more.size(); ++b) wanted_[b] |= more[b];
-  near_.reset();
-  filling_ = make_filling(marching_cubes_open(lattice_, topology_, wanted_), backend_);
-  near_.emplace(filling_.surface.position, seam_reach(lattice_.spacing));
+  std::vector<std::uint8_t> more = bricks_about(points, reach);
+  for (std::size_t b = 0; b < more.size(); ++b) {
+    more[b] &= !built_[b];
+    built_[b] |= more[b];
+  }
+  const std::size_t before = filling_.surface.position.size();
+  add_bricks(lattice_, topology_, more, filling_.surface);
+  filling_.catch_up(backend_);
+  near_.add({filling_.surface.position.begin() + std::ptrdiff_t(before), filling_.surface.position.end()});
 }
 
 std::vector<std::uint8_t> GrowingFilling::bricks_about(const std::vector<Vec3>& points, float reach) const {

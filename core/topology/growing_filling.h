@@ -1,7 +1,6 @@
 // The filling of a frame's holes, built as far as anybody asks for it: all tries of a repair share it.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "core/backend.h"
@@ -15,16 +14,15 @@ namespace isoskin {
 /// The lattice's surface about some places. What it refers to must outlive it, and the backend must hold the field.
 class GrowingFilling {
 public:
-  GrowingFilling(const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend)
-      : lattice_(lattice), topology_(topology), backend_(backend), wanted_(lattice.brick_count(), 0) {}
+  GrowingFilling(const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend);
 
-  /// When it does not reach `least` about the points, it is built on as far as `reach`: its vertices and triangles are
-  /// numbered anew then. World units.
+  /// When it does not reach `least` about the points, it is built on as far as `reach`; its vertices and triangles keep
+  /// their numbers. World units.
   void extend(const std::vector<Vec3>& points, float least, float reach);
 
   const Filling& operator*() const { return filling_; }
   /// Its vertices, within seam_reach().
-  const PointGrid& near() const { return *near_; }
+  const GrowingPointGrid& near() const { return near_; }
 
 private:
   std::vector<std::uint8_t> bricks_about(const std::vector<Vec3>& points, float reach) const;
@@ -32,9 +30,9 @@ private:
   const BrickLattice& lattice_;
   const LatticeTopology& topology_;
   Backend& backend_;
-  std::vector<std::uint8_t> wanted_;  // per brick
+  std::vector<std::uint8_t> built_;  // per brick
   Filling filling_;
-  std::optional<PointGrid> near_;
+  GrowingPointGrid near_;
 };
 
 }  // namespace isoskin

@@ -175,7 +175,7 @@ void find_seams(const TriangleMesh& mesh, const std::vector<Index>& removed, Hol
 
 /// Marks seams that cannot be snapped.
 std::vector<Index> snap(const TriangleMesh& mesh, const std::vector<Vec3>& normals, std::vector<Seam>& seams,
-                        const Filling& filling, const PointGrid& near) {
+                        const Filling& filling, const GrowingPointGrid& near) {
   constexpr float kAgree = 0.3f;  // cosine between normals
   std::vector<Index> snapped(mesh.vertex_count(), kNone);
   std::vector<std::uint8_t> taken(filling.surface.position.size(), 0);
@@ -315,7 +315,7 @@ float seam_reach(double spacing) {
 }
 
 std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
-                             const Filling& filling, const PointGrid& near, double spacing) {
+                             const Filling& filling, const GrowingPointGrid& near, double spacing) {
   std::vector<Index> snapped = snap(mesh, normals, holes.seams, filling, near);
   trace_paths(mesh, holes.seams, filling, snapped, spacing);
   return snapped;

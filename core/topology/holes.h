@@ -36,7 +36,7 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot);
 /// cannot be done fail. Returns, per vertex of the mesh, the filling's vertex, kNone away from seams. `near`: the
 /// filling's vertices, within seam_reach().
 std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
-                             const Filling& filling, const PointGrid& near, double spacing);
+                             const Filling& filling, const GrowingPointGrid& near, double spacing);
 /// How far a vertex may be snapped. `spacing`: of the lattice.
 float seam_reach(double spacing);
 

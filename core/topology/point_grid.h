@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <deque>
 #include <utility>
 #include <vector>
 
@@ -89,6 +90,39 @@ private:
   float radius_;
   std::vector<std::pair<std::uint64_t, Index>> entry_;
   std::vector<std::uint64_t> near_;  // a power of two of words
+};
+
+/// The same of points that are added in lots, which are numbered one after the other. The order of visits is that of
+/// the lots.
+class GrowingPointGrid {
+public:
+  explicit GrowingPointGrid(float radius) : radius_(radius) {}
+
+  void add(std::vector<Vec3> points) {
+    const Index first = lots_.empty() ? 0 : lots_.back().first + Index(lots_.back().points.size());
+    lots_.emplace_back(first, std::move(points), radius_);
+  }
+
+  /// As PointGrid::near().
+  template <class Function>
+  void near(const Vec3& p, const Function& function) const {
+    for (const Lot& lot : lots_) lot.grid.near(p, [&](Index i, float square) { function(lot.first + i, square); });
+  }
+
+private:
+  struct Lot {
+    Lot(Index number, std::vector<Vec3> place, float radius)
+        : first(number), points(std::move(place)), grid(points, radius) {}
+    Lot(const Lot&) = delete;
+    Lot& operator=(const Lot&) = delete;
+
+    Index first;
+    std::vector<Vec3> points;
+    PointGrid grid;
+  };
+
+  float radius_;
+  std::deque<Lot> lots_;
 };
 
 }  // namespace isoskin

@@ -308,7 +308,7 @@ struct Fitting {
 };
 
 /// Grows holes until all seams fit, `growths` times at most; whether they do. The filling is built on where it ends,
-/// and what was cut before does not go with it any more, unless it has to stay as it is.
+/// unless it has to stay as it is.
 bool fit(const Fitting& with, Emptied& emptied, Cut& result, int growths, bool filling_stays = false) {
   const ReskinOptions& options = with.scene.options;
   const float e = float(options.edge_length);
