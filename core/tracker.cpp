@@ -95,15 +95,16 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
 
 /// Where a piece with another topology is one triangle around, a handle or neck may be that no lattice corner tells of.
 void add_necks(const TriangleMesh& mesh, const std::vector<std::uint8_t>& failed, BadSites& sites) {
-  const std::vector<std::uint8_t> neck = neck_vertices(mesh);
+  const std::vector<std::uint8_t> neck = neck_vertices(mesh, failed);
   for (Index v = 0; v < neck.size(); ++v)
-    if (neck[v] && failed[v]) sites.add(mesh.position(v), false, true);
+    if (neck[v]) sites.add(mesh.position(v), false, true);
 }
 
 /// Skin crumpled up in many layers lies on the surface everywhere, so nothing else tells; left alone it grows, and no
 /// seam fits about it.
-void add_crumples(const TriangleMesh& mesh, BadSites& sites) {
-  for (const Index t : crumpled_triangles(mesh)) {
+void add_crumples(const TriangleMesh& mesh, double edge_length, Backend& backend, BadSites& sites) {
+  const std::vector<std::uint8_t> folded = folded_triangles(mesh, outward_normals(mesh.vertices.position, backend));
+  for (const Index t : crumpled_triangles(mesh, folded, float(edge_length))) {
     Vec3 sum(0.0f);
     for (Index h = 3 * t; h < 3 * t + 3; ++h) sum += mesh.position(mesh.vertex[h]);
     sites.add(sum / 3.0f, true);
@@ -512,11 +513,11 @@ BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, co
   }
   BadSiteOptions bad_options = options_.sites;
   bad_options.tolerance = options_.tolerance;
-  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, winding_numbers(mesh_, evidence.lattice), *backend_,
-                         bad_options);
+  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice,
+                         differing_bricks(mesh_, evidence.lattice, evidence.topology.signs), *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   add_necks(mesh_, failed, sites);
-  add_crumples(mesh_, sites);
+  add_crumples(mesh_, options_.edge_length, *backend_, sites);
   return sites;
 }
 

@@ -104,9 +104,25 @@ void expect_differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice
   EXPECT_EQ(next, rows.size());
 }
 
+void expect_differing_bricks(const TriangleMesh& mesh, const BrickLattice& lattice,
+                             const std::vector<std::int8_t>& winding) {
+  const DifferingBricks differing = differing_bricks(mesh, lattice, brick_signs(lattice));
+  constexpr std::size_t kValues = BrickLattice::kValues;
+  for (std::size_t b = 0; b < lattice.brick_count(); ++b) {
+    const auto begin = winding.begin() + std::ptrdiff_t(b * kValues);
+    bool differs = false;
+    for (std::size_t i = 0; i < kValues; ++i) differs |= begin[i] != (lattice.value[b * kValues + i] > 0.0f ? 1 : 0);
+    ASSERT_EQ(differing.number[b] != kNone, differs);
+    if (!differs) continue;
+    EXPECT_EQ(differing.brick[differing.number[b]], b);
+    EXPECT_TRUE(std::equal(begin, begin + kValues, differing.winding.begin() + differing.number[b] * kValues));
+  }
+}
+
 void expect_windings(const TriangleMesh& mesh, const BrickLattice& lattice, std::size_t every) {
   const std::vector<std::int8_t> winding = winding_numbers(mesh, lattice);
   expect_differing_rows(mesh, lattice, winding);
+  expect_differing_bricks(mesh, lattice, winding);
   ASSERT_EQ(winding.size(), lattice.value.size());
   for (std::size_t i = 0; i < winding.size(); i += every) {
     const int local = int(i % BrickLattice::kValues);

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <tuple>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/sides.h"
 #include "core/topology/simple_point.h"
@@ -26,15 +28,19 @@ std::uint64_t key_of(const IVec3& c) {
 /// Sides of lattice corners, asked for by coordinates. Corners that no brick holds count as outside.
 class Sides {
 public:
-  Sides(const BrickLattice& lattice, const std::vector<std::int8_t>& winding) : lattice_(lattice), winding_(winding) {}
+  Sides(const BrickLattice& lattice, const DifferingBricks& differing) : lattice_(lattice), differing_(differing) {}
 
   bool inside_mesh(const IVec3& c) const {
-    const std::size_t i = slot(c);
-    return i != std::size_t(-1) && winding_[i] > 0;
+    const auto [brick, corner] = slot(c);
+    if (brick == kNone) return false;
+    const Index n = differing_.number[brick];
+    if (n == kNone) return lattice_.value[std::size_t{brick} * BrickLattice::kValues + corner] > 0.0f;
+    return differing_.winding[std::size_t{n} * BrickLattice::kValues + corner] > 0;
   }
 
 private:
-  std::size_t slot(const IVec3& c) const {
+  /// A brick that has the corner, kNone if none does, and the corner's number in it.
+  std::pair<Index, Index> slot(const IVec3& c) const {
     const IVec3 brick(c.x >> 3, c.y >> 3, c.z >> 3);
     // A corner on a brick's low side also belongs to the brick below, which may be the only one there.
     for (int shift = 0; shift < 8; ++shift) {
@@ -42,35 +48,36 @@ private:
       const IVec3 local = c - 8 * (brick - step);
       if (local.x > 8 || local.y > 8 || local.z > 8) continue;
       const Index b = lattice_.find(brick - step);
-      if (b != kNone)
-        return std::size_t(b) * BrickLattice::kValues + (std::size_t(local.x) * kCorners + local.y) * kCorners +
-               local.z;
+      if (b != kNone) return {b, Index((local.x * kCorners + local.y) * kCorners + local.z)};
     }
-    return std::size_t(-1);
+    return {kNone, 0};
   }
 
   const BrickLattice& lattice_;
-  const std::vector<std::int8_t>& winding_;
+  const DifferingBricks& differing_;
 };
 
 struct Corner {
   std::uint64_t key;
   IVec3 at;
-  std::size_t slot;  // into lattice.value
+  std::size_t slot;     // into lattice.value
+  std::int8_t winding;  // of the mesh
   bool operator<(const Corner& other) const { return key < other.key; }
 };
 
 /// Lattice corners whose side differs between mesh and field, each once, sorted.
-std::vector<Corner> differing_corners(const BrickLattice& lattice, const std::vector<std::int8_t>& winding) {
-  std::vector<std::vector<Corner>> of_brick(lattice.brick_count());
-  tbb::parallel_for(std::size_t(0), lattice.brick_count(), [&](std::size_t b) {
+std::vector<Corner> differing_corners(const BrickLattice& lattice, const DifferingBricks& differing) {
+  std::vector<std::vector<Corner>> of_brick(differing.brick.size());
+  tbb::parallel_for(std::size_t(0), of_brick.size(), [&](std::size_t n) {
+    const std::size_t b = differing.brick[n];
     for (int x = 0; x < kCorners; ++x)
       for (int y = 0; y < kCorners; ++y)
         for (int z = 0; z < kCorners; ++z) {
-          const std::size_t i = b * BrickLattice::kValues + (std::size_t(x) * kCorners + y) * kCorners + z;
-          if (winding[i] == (lattice.value[i] > 0.0f ? 1 : 0)) continue;
+          const std::size_t i = (std::size_t(x) * kCorners + y) * kCorners + z, slot = b * BrickLattice::kValues + i;
+          const std::int8_t winding = differing.winding[n * BrickLattice::kValues + i];
+          if (winding == (lattice.value[slot] > 0.0f ? 1 : 0)) continue;
           const IVec3 at = 8 * lattice.coordinate[b] + IVec3(x, y, z);
-          of_brick[b].push_back({key_of(at), at, i});
+          of_brick[n].push_back({key_of(at), at, slot, winding});
         }
   });
   std::vector<Corner> corners;
@@ -211,19 +218,19 @@ std::vector<Vec3> centroids_of(const TriangleMesh& mesh) {
 void add_strays(const std::vector<Vec3>& points, double share, const FarCorners& far, Backend& backend,
                 const BadSiteOptions& options, BadSites& sites) {
   const Samples samples(points, backend);
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (!(samples.distance(i) <= share * options.tolerance))
-      sites.add(points[i], far.is_far(samples.value[i], samples.slope[i]), true);
+  const std::vector<Index> strays =
+      indices_where(points.size(), [&](Index i) { return !(samples.distance(i) <= share * options.tolerance); });
+  for (const Index i : strays) sites.add(points[i], far.is_far(samples.value[i], samples.slope[i]), true);
 }
 
 }  // namespace
 
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                        const std::vector<std::int8_t>& winding, Backend& backend, const BadSiteOptions& options) {
+                        const DifferingBricks& differing, Backend& backend, const BadSiteOptions& options) {
   const Span span("bad sites");
   BadSites sites;
   const FarCorners far(field, lattice, options.tolerance);
-  const std::vector<Corner> corners = differing_corners(lattice, winding);
+  const std::vector<Corner> corners = differing_corners(lattice, differing);
   const std::vector<Index> cluster = clusters_of(corners);
   std::vector<Vec3> points;
   for (const Corner& c : corners) points.push_back(Vec3(lattice.point(c.at)));
@@ -234,8 +241,8 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
   // Clusters as runs, corners nearest to the surface first: they are the ones a coarse mesh cuts.
   std::vector<Index> order(corners.size());
   std::iota(order.begin(), order.end(), Index(0));
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    return cluster[a] != cluster[b] ? cluster[a] < cluster[b] : distance[a] < distance[b];
+  tbb::parallel_sort(order, [&](Index a, Index b) {
+    return std::tuple(cluster[a], distance[a], a) < std::tuple(cluster[b], distance[b], b);
   });
   std::vector<std::pair<std::size_t, std::size_t>> runs;
   for (std::size_t i = 0, j; i < order.size(); i = j) {
@@ -243,7 +250,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     }
     runs.emplace_back(i, j);
   }
-  const Sides sides(lattice, winding);
+  const Sides sides(lattice, differing);
   // At a cusp the slope between corners, which the certificate goes by, is far less than the gradient.
   const auto blamed = [&](const Corner& corner) {
     const std::size_t b = corner.slot / BrickLattice::kValues;
@@ -258,7 +265,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     for (const Index i : peel(members, sides)) suspect[order[begin + i]] = 1;
     for (std::size_t i = begin; i < end; ++i) {
       const Index c = order[i];
-      const std::int8_t times = winding[corners[c].slot];
+      const std::int8_t times = corners[c].winding;
       sure[c] = far.is_far(samples.value[c], samples.slope[c]) || blamed(corners[c]);
       bad[c] = suspect[c] || sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }

@@ -6,6 +6,7 @@
 #include "core/backend.h"
 #include "core/field/field.h"
 #include "core/sampling/brick_lattice.h"
+#include "core/topology/columns.h"
 
 namespace isoskin {
 
@@ -29,7 +30,7 @@ struct BadSites {
   }
 };
 
-/// Corners whose side differs between mesh (`winding`, as winding_numbers gives it) and field are gathered into
+/// Corners whose side differs between mesh (`differing`: as differing_bricks() gives them) and field are gathered into
 /// 26-connected clusters and flipped to the field's side, nearest to the surface first, as long as the flip is simple
 /// in both digital connectivities (see simple_point.h): there the coarse mesh merely cuts corners. What is left is
 /// where the topology may have to change, and, of a cluster that is surely wrong but nowhere beside the mesh, where it
@@ -37,7 +38,7 @@ struct BadSites {
 /// and mesh vertices and centroids off the surface: a thread or film that the lattice is too coarse to see shows there.
 /// The backend must hold the field, from which the lattice was sampled.
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                        const std::vector<std::int8_t>& winding, Backend& backend, const BadSiteOptions& options);
+                        const DifferingBricks& differing, Backend& backend, const BadSiteOptions& options);
 
 /// Cubes side by side that holes are cut to, so that each tells whether the topology differs there: for handles that no
 /// corner of the lattice and no distance gives away.

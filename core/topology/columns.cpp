@@ -315,6 +315,56 @@ void add_stray_columns(std::vector<Finder>& chunks, MeshColumns& out) {
   out.column.insert(out.column.end(), more.begin(), more.end());
 }
 
+constexpr unsigned kAll = 0x1ff;  // of the corners of a row
+
+/// A row of a brick, with the crossings from the last corner below it to its own last, and the winding number there.
+struct CrossedRow {
+  Index brick;
+  int row, low, winding;
+  std::span<const ColumnCrossing> crossing;
+
+  void write_windings(std::int8_t* side) const {
+    int now = winding;
+    auto next = crossing.begin();
+    for (int z = 0; z < kCorners; ++z) {
+      for (; next != crossing.end() && next->first <= low + z; ++next) now += next->step;
+      side[z] = static_cast<std::int8_t>(std::clamp(now, -128, 127));
+    }
+  }
+
+  /// Corners whose winding number is not 1 inside and 0 outside; `inside` and they as bits.
+  unsigned differing(unsigned inside) const {
+    int now = winding;
+    // Of the corners from the last crossing on; those below have been seen to.
+    unsigned once = now == 1 ? kAll : 0, never = now == 0 ? kAll : 0;
+    for (const ColumnCrossing& c : crossing) {
+      now += c.step;
+      const unsigned above = kAll << std::max(0, c.first - low);
+      once = now == 1 ? once | above : once & ~above;
+      never = now == 0 ? never | above : never & ~above;
+    }
+    return kAll & ~((once & inside) | (never & ~inside));
+  }
+};
+
+/// visit(row) for the rows of the column's bricks, row after row, upwards.
+template <class Visit>
+void for_each_row(const MeshColumns& columns, const BrickLattice& lattice, std::size_t c, const Visit& visit) {
+  Index next = columns.first[c];
+  const Index end = columns.first[c + 1];
+  for (int row = 0; row < kCorners * kCorners; ++row) {
+    const auto in_row = [&] { return next < end && columns.crossing[next].row == row; };
+    int winding = 0;
+    for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b) {
+      const int low = lattice.coordinate[b].z * kCells, before = winding;
+      const Index first = next;
+      for (; in_row() && columns.crossing[next].first <= low + kCells; ++next) winding += columns.crossing[next].step;
+      visit(CrossedRow{b, row, low, before, std::span(columns.crossing).subspan(first, next - first)});
+    }
+    while (in_row()) ++next;
+  }
+}
+
 }  // namespace
 
 MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
@@ -397,64 +447,55 @@ std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLa
   const MeshColumns columns = cross_columns(mesh, lattice);
   std::vector<std::int8_t> out(lattice.value.size());
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
-    Index next = columns.first[c];
-    for (int row = 0; row < kCorners * kCorners; ++row) {
-      int winding = 0;
-      for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b) {
-        std::int8_t* const side = &out[std::size_t{b} * BrickLattice::kValues + row * kCorners];
-        const int low = lattice.coordinate[b].z * kCells;
-        if (next == columns.first[c + 1] || columns.crossing[next].row != row ||
-            columns.crossing[next].first > low + kCells) {
-          std::fill_n(side, kCorners, static_cast<std::int8_t>(std::clamp(winding, -128, 127)));
-          continue;
-        }
-        for (int z = 0; z < kCorners; ++z) {
-          const int corner = low + z;
-          for (; next < columns.first[c + 1] && columns.crossing[next].row == row &&
-                 columns.crossing[next].first <= corner;
-               ++next)
-            winding += columns.crossing[next].step;
-          side[z] = static_cast<std::int8_t>(std::clamp(winding, -128, 127));
-        }
-      }
-      while (next < columns.first[c + 1] && columns.crossing[next].row == row) ++next;
-    }
+    for_each_row(columns, lattice, c, [&](const CrossedRow& r) {
+      r.write_windings(&out[std::size_t{r.brick} * BrickLattice::kValues + r.row * kCorners]);
+    });
   });
   return out;
 }
 
 std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
                                          const std::vector<BrickSigns>& signs) {
-  constexpr unsigned kAll = 0x1ff;
   const MeshColumns columns = cross_columns(mesh, lattice);
   std::vector<std::vector<DifferingRow>> found(columns.column.size());
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
-    Index next = columns.first[c];
-    for (int row = 0; row < kCorners * kCorners; ++row) {
-      int winding = 0;
-      for (Index b = columns.first_brick[c]; b < columns.first_brick[c + 1]; ++b) {
-        const int low = lattice.coordinate[b].z * kCells;
-        // Of the corners from the last crossing on; those below have been seen to.
-        unsigned once = winding == 1 ? kAll : 0, never = winding == 0 ? kAll : 0;
-        for (; next < columns.first[c + 1] && columns.crossing[next].row == row &&
-               columns.crossing[next].first <= low + kCells;
-             ++next) {
-          winding += columns.crossing[next].step;
-          const unsigned above = kAll << std::max(0, columns.crossing[next].first - low);
-          once = winding == 1 ? once | above : once & ~above;
-          never = winding == 0 ? never | above : never & ~above;
-        }
-        const unsigned inside = signs[b].row[row], corners = kAll & ~((once & inside) | (never & ~inside));
-        if (corners) found[c].push_back({b, static_cast<std::uint16_t>(corners), static_cast<std::uint8_t>(row)});
-      }
-      while (next < columns.first[c + 1] && columns.crossing[next].row == row) ++next;
-    }
+    for_each_row(columns, lattice, c, [&](const CrossedRow& r) {
+      if (const unsigned corners = r.differing(signs[r.brick].row[r.row]))
+        found[c].push_back({r.brick, static_cast<std::uint16_t>(corners), static_cast<std::uint8_t>(r.row)});
+    });
     std::sort(found[c].begin(), found[c].end(), [](const DifferingRow& p, const DifferingRow& q) {
       return std::tie(p.brick, p.row) < std::tie(q.brick, q.row);
     });
   });
   std::vector<DifferingRow> out;
   for (const auto& f : found) out.insert(out.end(), f.begin(), f.end());
+  return out;
+}
+
+DifferingBricks differing_bricks(const TriangleMesh& mesh, const BrickLattice& lattice,
+                                 const std::vector<BrickSigns>& signs) {
+  const MeshColumns columns = cross_columns(mesh, lattice);
+  DifferingBricks out;
+  out.number.assign(lattice.brick_count(), kNone);
+  std::vector<std::uint8_t> differs(columns.column.size());
+  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
+    for_each_row(columns, lattice, c, [&](const CrossedRow& r) {
+      if (r.differing(signs[r.brick].row[r.row]) != 0) out.number[r.brick] = 0, differs[c] = 1;
+    });
+  });
+  for (Index b = 0; b < out.number.size(); ++b) {
+    if (out.number[b] == kNone) continue;
+    out.number[b] = static_cast<Index>(out.brick.size());
+    out.brick.push_back(b);
+  }
+  out.winding.resize(out.brick.size() * BrickLattice::kValues);
+  tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
+    if (!differs[c]) return;
+    for_each_row(columns, lattice, c, [&](const CrossedRow& r) {
+      const Index n = out.number[r.brick];
+      if (n != kNone) r.write_windings(&out.winding[std::size_t{n} * BrickLattice::kValues + r.row * kCorners]);
+    });
+  });
   return out;
 }
 

@@ -61,4 +61,15 @@ struct DifferingRow {
 std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
                                          const std::vector<BrickSigns>& signs);
 
+/// Winding numbers where they are not what the signs say.
+struct DifferingBricks {
+  std::vector<Index> brick;   // those with a corner whose winding number is not 1 inside and 0 outside, ascending
+  std::vector<Index> number;  // per brick of the lattice: its place in `brick`, kNone where it is not there
+  std::vector<std::int8_t> winding;  // of each of them, laid out as BrickLattice::value
+};
+
+/// Costs a fraction of winding_numbers(). `signs`: of the lattice, one a brick.
+DifferingBricks differing_bricks(const TriangleMesh& mesh, const BrickLattice& lattice,
+                                 const std::vector<BrickSigns>& signs);
+
 }  // namespace isoskin

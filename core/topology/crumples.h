@@ -1,6 +1,7 @@
 // Where skin lies on itself in many layers.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -8,7 +9,8 @@
 namespace isoskin {
 
 /// Triangles that overlap six others or more without a common vertex, ascending. Where two sheets or folds touch it is
-/// fewer. Costs what overlapping_pairs() does. Deterministic.
-std::vector<Index> crumpled_triangles(const TriangleMesh& mesh);
+/// fewer. Only within `reach` (world units) of triangles with folded != 0 (see folds.h): layers lie face up and face
+/// down. Deterministic.
+std::vector<Index> crumpled_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& folded, float reach);
 
 }  // namespace isoskin

@@ -25,10 +25,12 @@ bool on_neck(const TriangleMesh& mesh, Index leaving) {
 
 }  // namespace
 
-std::vector<std::uint8_t> neck_vertices(const TriangleMesh& mesh) {
+std::vector<std::uint8_t> neck_vertices(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted) {
   const std::vector<Index> outgoing = outgoing_halfedges(mesh);
   std::vector<std::uint8_t> on(mesh.vertex_count());
-  for_each_index(on.size(), [&](std::size_t v) { on[v] = outgoing[v] != kNone && on_neck(mesh, outgoing[v]); });
+  for_each_index(on.size(), [&](std::size_t v) {
+    on[v] = (wanted.empty() || wanted[v]) && outgoing[v] != kNone && on_neck(mesh, outgoing[v]);
+  });
   return on;
 }
 

@@ -1,12 +1,15 @@
 #include "core/topology/weld.h"
 
 #include <algorithm>
+#include <atomic>
 #include <map>
-#include <set>
-#include <stdexcept>
 #include <utility>
 
-#include "core/mesh/validate.h"
+#include <tbb/parallel_sort.h>
+
+#include "core/mesh/independent_edits.h"
+#include "core/mesh/one_ring.h"
+#include "core/parallel.h"
 
 namespace isoskin {
 namespace {
@@ -18,32 +21,31 @@ public:
       : mesh_(mesh),
         filling_(filling),
         path_(mesh.vertex.size(), nullptr),
-        of_filling_(filling.surface.position.size(), kNone) {
+        of_filling_(filling.surface.position.size(), kNone),
+        copy_of_(mesh.triangle_count(), kNone) {
     for (const Seam& seam : seams)
       for (std::size_t i = 0; i < seam.halfedge.size(); ++i) path_[mesh.twin[seam.halfedge[i]]] = &seam.path[i];
     number_kept(removed);
+    on_seam_.assign(first_new_, 0);
     for (const Seam& seam : seams)
       for (const Index h : seam.halfedge) {
         of_filling_[snapped[mesh.from(h)]] = kept_[mesh.from(h)];
-        on_seam_.insert(kept_[mesh.from(h)]);
+        on_seam_[kept_[mesh.from(h)]] = 1;
       }
+    copy_kept(removed);
     for (Index t = 0; t < removed.size(); ++t)
-      if (!removed[t]) add_kept(t);
+      if (!removed[t] && copy_of_[t] == kNone) add_kept(t);
     for (const Seam& seam : seams)
       for (const auto& path : seam.path)
-        if (path.size() == 2) on_border_.insert(std::minmax(path[0], path[1]));
+        if (path.size() == 2) on_border_.emplace_back(std::minmax(path[0], path[1]));
+    std::sort(on_border_.begin(), on_border_.end());
     for (Index t = 0; t < inside.size(); ++t)
       if (inside[t]) add_filling(t);
   }
 
   std::optional<Weld> result() {
     result_.next_id = next_id_;
-    try {
-      link_twins(result_);
-    } catch (const std::invalid_argument&) {
-      return std::nullopt;
-    }
-    if (!validate(result_)) return std::nullopt;
+    if (!link() || !is_sound()) return std::nullopt;
     return Weld{std::move(result_), first_new_};
   }
 
@@ -52,19 +54,77 @@ private:
     std::vector<std::uint8_t> used(mesh_.vertex_count(), 0);
     for (Index h = 0; h < mesh_.vertex.size(); ++h)
       if (!removed[h / 3]) used[mesh_.vertex[h]] = 1;
+    const std::vector<Index> rows = indices_where(used.size(), [&](Index v) { return used[v]; });
     kept_.assign(mesh_.vertex_count(), kNone);
-    VertexTable& out = result_.vertices;
-    for (Index v = 0; v < used.size(); ++v) {
-      if (!used[v]) continue;
-      kept_[v] = Index(out.size());
-      out.position.push_back(mesh_.vertices.position[v]);
-      out.rest.push_back(mesh_.vertices.rest[v]);
-      out.velocity.push_back(mesh_.vertices.velocity[v]);
-      out.id.push_back(mesh_.vertices.id[v]);
-      out.age.push_back(mesh_.vertices.age[v]);
-    }
-    first_new_ = Index(out.size());
+    for_each_index(rows.size(), [&](std::size_t i) { kept_[rows[i]] = Index(i); });
+    result_.vertices = mesh_.vertices.select(rows);
+    first_new_ = Index(rows.size());
     next_id_ = mesh_.next_id;
+  }
+
+  /// Triangles that stay as they are come first, in their order.
+  void copy_kept(const std::vector<std::uint8_t>& removed) {
+    copied_ = indices_where(removed.size(), [&](Index t) {
+      return !removed[t] && !is_subdivided(3 * t) && !is_subdivided(3 * t + 1) && !is_subdivided(3 * t + 2);
+    });
+    result_.vertex.resize(3 * copied_.size());
+    for_each_index(copied_.size(), [&](std::size_t i) {
+      copy_of_[copied_[i]] = Index(i);
+      for (Index k = 0; k < 3; ++k) result_.vertex[3 * i + k] = kept_[mesh_.vertex[3 * copied_[i] + k]];
+    });
+  }
+
+  /// Copies are neighbours as they were; what is left open is matched. Whether it can be.
+  bool link() {
+    auto& twin = result_.twin;
+    twin.assign(result_.vertex.size(), kNone);
+    for_each_index(copied_.size(), [&](std::size_t i) {
+      for (Index k = 0; k < 3; ++k) {
+        const Index g = mesh_.twin[3 * copied_[i] + k], copy = copy_of_[g / 3];
+        if (copy != kNone) twin[3 * i + k] = 3 * copy + g % 3;
+      }
+    });
+    open_ = indices_where(twin.size(), [&](Index h) { return twin[h] == kNone; });
+    const auto ends = [&](Index h) {
+      const Index a = result_.from(h), b = result_.to(h);
+      return std::pair(std::min(a, b), std::max(a, b));
+    };
+    tbb::parallel_sort(open_, [&](Index g, Index h) { return std::pair(ends(g), g) < std::pair(ends(h), h); });
+    if (open_.size() % 2 != 0) return false;
+    for (std::size_t i = 0; i < open_.size(); i += 2) {
+      const Index g = open_[i], h = open_[i + 1];
+      if (result_.from(g) != result_.to(h) || result_.to(g) != result_.from(h)) return false;
+      twin[g] = h;
+      twin[h] = g;
+    }
+    return true;
+  }
+
+  /// A closed, oriented 2-manifold (see validate()), if the mesh is one: only what touches open edges may be none.
+  bool is_sound() const {
+    std::vector<Index> leaving(result_.vertex_count(), kNone), corners(result_.vertex_count(), 0);
+    for (const Index h : open_) leaving[result_.from(h)] = h;
+    for (const Index v : result_.vertex) corners[v] += leaving[v] != kNone;
+    std::atomic<bool> sound{true};
+    for_each_index(leaving.size(), [&](std::size_t v) {
+      if (leaving[v] != kNone && !is_one_fan(leaving[v], corners[v])) sound = false;
+    });
+    for_each_index(result_.triangle_count() - copied_.size(), [&](std::size_t i) {
+      const Index h = 3 * Index(copied_.size() + i);
+      const Index a = result_.twin[h] / 3, b = result_.twin[h + 1] / 3, c = result_.twin[h + 2] / 3;
+      if (a == b || b == c || c == a) sound = false;
+    });
+    return sound;
+  }
+
+  /// So many triangles, with an edge to each of their other corners once, and none back to the vertex.
+  bool is_one_fan(Index leaving, Index triangles) const {
+    thread_local std::vector<Index> ends;
+    ends.clear();
+    for_each_leaving(result_, leaving, [&](Index h) { ends.push_back(result_.to(h)); });
+    std::sort(ends.begin(), ends.end());
+    return ends.size() == triangles && std::adjacent_find(ends.begin(), ends.end()) == ends.end() &&
+           !std::binary_search(ends.begin(), ends.end(), result_.from(leaving));
   }
 
   Index new_vertex(const Vec3& p) {
@@ -86,8 +146,9 @@ private:
   /// kNone for other edges.
   Index middle_of_chord(Index from, Index to) {
     const bool stay = filling_vertex(from) < first_new_ && filling_vertex(to) < first_new_;
-    if (!stay || on_border_.count(std::minmax(from, to))) return kNone;
-    const auto [it, fresh] = middle_.try_emplace(std::minmax(from, to), kNone);
+    const std::pair<Index, Index> ends = std::minmax(from, to);
+    if (!stay || std::binary_search(on_border_.begin(), on_border_.end(), ends)) return kNone;
+    const auto [it, fresh] = middle_.try_emplace(ends, kNone);
     const auto& position = filling_.surface.position;
     if (fresh) it->second = new_vertex(0.5f * (position[from] + position[to]));
     return it->second;
@@ -140,7 +201,7 @@ private:
     }
     if (subdivided == 1) apex = apex_of(t, polygon);  // the corner opposite sees every point of it
     // From a corner on a seam the filling may have an edge there already.
-    const bool from_corner = subdivided == 0 || (subdivided == 1 && !on_seam_.count(polygon[apex]));
+    const bool from_corner = subdivided == 1 && !on_seam_[polygon[apex]];
     add_polygon(polygon, from_corner, apex);
   }
 
@@ -158,9 +219,11 @@ private:
   std::vector<const std::vector<Index>*> path_;      // per halfedge on a border: the path, other way round
   std::vector<Index> kept_;                          // per vertex of the mesh: its number, kNone where it goes
   std::vector<Index> of_filling_;                    // per vertex of the filling
-  std::set<Index> on_seam_;                          // vertices of the result
-  std::set<std::pair<Index, Index>> on_border_;      // edges of the filling that are edges of the mesh too
+  std::vector<std::uint8_t> on_seam_;                // per vertex of the result that was there before
+  std::vector<std::pair<Index, Index>> on_border_;   // edges of the filling that are edges of the mesh too, sorted
   std::map<std::pair<Index, Index>, Index> middle_;  // of edges of the filling: new vertices
+  std::vector<Index> copied_, copy_of_;              // triangles that stay as they are; of the mesh's the copy or kNone
+  std::vector<Index> open_;                          // halfedges of the result that copies do not link
   TriangleMesh result_;
   Index first_new_ = 0, next_id_ = 0;
 };
