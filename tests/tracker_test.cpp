@@ -389,12 +389,12 @@ TEST(Tracker, SelfIntersectionsAreCountedInBothMeshes) {
 
 TEST(Tracker, CuspsAreMendedWhereTheyAre) {
   const Scene scene = load_scene(data("norm_p06.toml"));
-  const FieldFrame first = scene.source->load(4);
+  const FieldFrame first = scene.source->load(6);
   const auto tracker = opencl_tracker(*first.field);
   const FrameReport extracted = tracker->advance(first);
   EXPECT_TRUE(extracted.certified);
   EXPECT_LT(extracted.reextracted[2], 1.5) << "once, and no finer";
-  const FrameReport followed = tracker->advance(scene.source->load(5));
+  const FrameReport followed = tracker->advance(scene.source->load(7));
   EXPECT_TRUE(followed.certified);
   EXPECT_GT(followed.repairs, 0u) << "what is to be shown did not happen";
   EXPECT_EQ(followed.reextracted[2], 0.0);
