@@ -17,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kMostBytesBehind = std::size_t{1} << 28;  // of a frame that is written while the next is made
+
 Json read_json(const fs::path& path) {
   std::ifstream file(path);
   return Json::parse(file, nullptr, false);
@@ -86,6 +88,7 @@ RunFolder::RunFolder(fs::path folder, std::string name, OutputKinds kinds, Json 
 }
 
 RunFolder::~RunFolder() {
+  if (writing_.valid()) writing_.wait();
   report_.reset();
   ledger_.reset();
   if (!frame_complete_) {
@@ -164,25 +167,46 @@ std::optional<int> RunFolder::resume(int first, int last) {
   return done;
 }
 
-Json RunFolder::write_frame(const FieldFrame& frame, FrameReport report, const Tracker& tracker, double ms_before) {
+void RunFolder::write_frame(const FieldFrame& frame, FrameReport report, const Tracker& tracker, double ms_before,
+                            std::function<void(const Json&)> written) {
   const Span span("write");
   const auto begin = std::chrono::steady_clock::now();
+  struct File {
+    fs::path path;
+    std::vector<char> bytes;
+  };
+  std::vector<File> files;
   if (kinds_.mechanical)
-    write_ply(mechanical_path(frame.frame), tracker.mechanical(), tracker.mechanical_normals(),
-              {frame.frame, frame.time, tracker.critical_points()});
+    files.push_back({mechanical_path(frame.frame), ply_bytes(tracker.mechanical(), tracker.mechanical_normals(),
+                                                             {frame.frame, frame.time, tracker.critical_points()})});
   if (kinds_.geometric)
-    write_ply(geometric_path(frame.frame), tracker.geometric().mesh, tracker.geometric().normal,
-              {frame.frame, frame.time, {}});
+    files.push_back({geometric_path(frame.frame),
+                     ply_bytes(tracker.geometric().mesh, tracker.geometric().normal, {frame.frame, frame.time, {}})});
   std::vector<Json> ledger;
   for (const LedgerEntry& entry : tracker.ledger()) ledger.push_back(to_json(entry));
-  ledger_->append(ledger);
+  finish();
+  std::size_t bytes = 0;
+  for (const File& file : files) bytes += file.bytes.size();
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   report.ms.emplace_back("write", ms);
   report.ms.emplace_back("total", ms_before + ms);
   Json line = to_json(report, frame.field->bounds());
-  report_->append({line});
-  frame_complete_ = true;
-  return line;
+  writing_ = std::async(std::launch::async, [this, files = std::move(files), ledger = std::move(ledger),
+                                             line = std::move(line), written = std::move(written)]() mutable {
+    for (File& file : files) {
+      write_file_atomically(file.path, file.bytes);
+      file.bytes = {};  // a future keeps what its task holds
+    }
+    ledger_->append(ledger);
+    report_->append({line});
+    frame_complete_ = true;
+    written(line);
+  });
+  if (bytes > kMostBytesBehind) finish();
+}
+
+void RunFolder::finish() {
+  if (writing_.valid()) writing_.get();
 }
 
 RunSummary read_run(const fs::path& folder) {

@@ -6,6 +6,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,10 +46,15 @@ public:
   /// and returns nothing when there is none. Throws InputError when the folder's run had other options.
   std::optional<int> resume(int first, int last);
 
-  /// Writes the meshes, then the ledger, then the report line, whose steps it ends with `write` and `total` (that is
-  /// ms_before, milliseconds the frame took so far, and the writing). Throws InputError when the disk is full; the
-  /// frame is then not complete. Returns the report line.
-  Json write_frame(const FieldFrame& frame, FrameReport report, const Tracker& tracker, double ms_before);
+  /// Writes the meshes, then the ledger, then the report line, which it hands to `written`; all that while the caller
+  /// goes on with the next frame. The line's steps end with `write`, how long the caller is held up, and `total`, that
+  /// and ms_before, milliseconds the frame took so far. Throws InputError when the disk was full for this frame or the
+  /// last; that frame is then not complete.
+  void write_frame(const FieldFrame& frame, FrameReport report, const Tracker& tracker, double ms_before,
+                   std::function<void(const Json&)> written);
+
+  /// Waits until all is written. Throws as write_frame().
+  void finish();
 
   std::filesystem::path mechanical_path(int frame) const { return mesh_path(folder_, name_, "mechanical", frame); }
   std::filesystem::path geometric_path(int frame) const { return mesh_path(folder_, name_, "geometric", frame); }
@@ -65,6 +72,7 @@ private:
   bool frame_complete_ = false;  // something in the folder is worth keeping
   int lock_ = -1;
   std::unique_ptr<JsonLines> report_, ledger_;
+  std::future<void> writing_;  // the last frame
 
   bool has_meshes(int frame) const;
   void require_same_options() const;

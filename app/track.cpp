@@ -159,13 +159,15 @@ int run(const TrackCommand& command) {
       FrameReport report = tracker.advance(frame, following ? &*following : nullptr);
       cold_start.note_first_frame();
       report.ms.emplace(report.ms.begin(), "load", loader.ms);
-      const Json line = folder.write_frame(frame, std::move(report), tracker, loader.ms + milliseconds(frame_begin));
-      if (command.json) {
-        fmt::print("{}\n", line.dump());
-        std::fflush(stdout);  // whoever reads the lines wants them as frames finish
-      }
+      folder.write_frame(frame, std::move(report), tracker, loader.ms + milliseconds(frame_begin),
+                         [&](const Json& line) {
+                           if (!command.json) return;
+                           fmt::print("{}\n", line.dump());
+                           std::fflush(stdout);  // whoever reads the lines wants them as frames finish
+                         });
       progress.step();
     }
+    folder.finish();
   }
   if (trace::enabled()) trace::write(command.trace);
   if (next <= last) {

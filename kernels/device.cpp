@@ -11,10 +11,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
 #include <new>
 
 #include "core/trace.h"
+#include "kernels/programs.h"
 
 namespace isoskin::opencl {
 namespace {
@@ -23,7 +23,6 @@ constexpr std::size_t kPage = 4096;
 constexpr std::size_t kMostKept = std::size_t{1} << 24;  // bytes of a block that goes back to the pool
 constexpr std::size_t kMostPending = 1 << 14;            // profiled events kept before they are read back
 
-constexpr const char* kPocl = "Portable Computing Language";
 // Host threads share a launch in parts that take so long, far longer than to enqueue one, and in so many that none
 // waits long for the last.
 constexpr double kPartSeconds = 20e-6;
@@ -37,55 +36,6 @@ constexpr std::size_t kFarItem = std::size_t{1} << 27;
 // The work item's number, in every program.
 constexpr const char* kItem = "#define ITEM get_global_id(0)\n";
 constexpr const char* kDrivenItem = "#define ITEM (get_global_id(0) - 256)\n";
-
-const char* error_name(cl_int code) {
-  switch (code) {
-    case CL_DEVICE_NOT_FOUND:
-      return "CL_DEVICE_NOT_FOUND";
-    case CL_DEVICE_NOT_AVAILABLE:
-      return "CL_DEVICE_NOT_AVAILABLE";
-    case CL_COMPILER_NOT_AVAILABLE:
-      return "CL_COMPILER_NOT_AVAILABLE";
-    case CL_MEM_OBJECT_ALLOCATION_FAILURE:
-      return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
-    case CL_OUT_OF_RESOURCES:
-      return "CL_OUT_OF_RESOURCES";
-    case CL_OUT_OF_HOST_MEMORY:
-      return "CL_OUT_OF_HOST_MEMORY";
-    case CL_BUILD_PROGRAM_FAILURE:
-      return "CL_BUILD_PROGRAM_FAILURE";
-    case CL_MAP_FAILURE:
-      return "CL_MAP_FAILURE";
-    case CL_INVALID_VALUE:
-      return "CL_INVALID_VALUE";
-    case CL_INVALID_DEVICE:
-      return "CL_INVALID_DEVICE";
-    case CL_INVALID_CONTEXT:
-      return "CL_INVALID_CONTEXT";
-    case CL_INVALID_MEM_OBJECT:
-      return "CL_INVALID_MEM_OBJECT";
-    case CL_INVALID_BUILD_OPTIONS:
-      return "CL_INVALID_BUILD_OPTIONS";
-    case CL_INVALID_PROGRAM_EXECUTABLE:
-      return "CL_INVALID_PROGRAM_EXECUTABLE";
-    case CL_INVALID_KERNEL_NAME:
-      return "CL_INVALID_KERNEL_NAME";
-    case CL_INVALID_ARG_INDEX:
-      return "CL_INVALID_ARG_INDEX";
-    case CL_INVALID_ARG_VALUE:
-      return "CL_INVALID_ARG_VALUE";
-    case CL_INVALID_ARG_SIZE:
-      return "CL_INVALID_ARG_SIZE";
-    case CL_INVALID_KERNEL_ARGS:
-      return "CL_INVALID_KERNEL_ARGS";
-    case CL_INVALID_WORK_GROUP_SIZE:
-      return "CL_INVALID_WORK_GROUP_SIZE";
-    case CL_INVALID_BUFFER_SIZE:
-      return "CL_INVALID_BUFFER_SIZE";
-    default:
-      return "error";
-  }
-}
 
 struct Found {
   cl_platform_id platform;
@@ -170,14 +120,6 @@ std::vector<Found> find_devices() {
   return found;
 }
 
-/// Where PoCL keeps compiled kernels; it shows no device when it cannot write there.
-std::filesystem::path pocl_cache() {
-  if (const char* set = std::getenv("POCL_CACHE_DIR")) return set;
-  if (const char* set = std::getenv("XDG_CACHE_HOME")) return std::filesystem::path(set) / "pocl";
-  if (const char* set = std::getenv("HOME")) return std::filesystem::path(set) / ".cache" / "pocl";
-  return {};
-}
-
 /// Tries it: permissions alone say little to root or on a read-only file system.
 bool can_write(const std::filesystem::path& folder) {
   std::error_code failed;
@@ -206,71 +148,6 @@ Found choose_device(int index) {
   if (index >= 0) return found[index];
   const auto gpu = std::find_if(found.begin(), found.end(), [](const Found& f) { return !f.info.cpu; });
   return gpu != found.end() ? *gpu : found.front();
-}
-
-/// The note that kernels of a PoCL device are compiled; empty for other drivers. Another version compiles anew.
-std::filesystem::path note_of(const DeviceInfo& info) {
-  if (info.platform != kPocl || pocl_cache().empty()) return {};
-  const std::string kind = info.name.substr(0, info.name.find('-'));
-  std::string name = "isoskin-" + info.driver + '-' + kind + ".compiled";
-  std::replace(name.begin(), name.end(), '/', '-');
-  return pocl_cache() / name;
-}
-
-/// What all Devices of one OpenCL device share. Kept until the process ends: drivers dislike late releases.
-struct Shared {
-  cl_context context = nullptr;
-  std::map<std::string, cl_program> programs;  // source and options -> built program
-};
-
-std::mutex shared_guard;
-
-Shared& shared(cl_device_id id) {
-  static auto* all = new std::map<cl_device_id, Shared>;
-  return (*all)[id];
-}
-
-cl_context shared_context(cl_device_id id, cl_platform_id platform) {
-  const std::lock_guard lock(shared_guard);
-  Shared& s = shared(id);
-  if (!s.context) {
-    const cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, reinterpret_cast<cl_context_properties>(platform),
-                                                0};
-    cl_int code = CL_SUCCESS;
-    s.context = clCreateContext(properties, 1, &id, nullptr, nullptr, &code);
-    check(code, "clCreateContext");
-  }
-  return s.context;
-}
-
-std::string build_log(cl_program program, cl_device_id id) {
-  std::size_t bytes = 0;
-  if (clGetProgramBuildInfo(program, id, CL_PROGRAM_BUILD_LOG, 0, nullptr, &bytes) != CL_SUCCESS) return "(no log)";
-  std::string log(bytes, '\0');
-  clGetProgramBuildInfo(program, id, CL_PROGRAM_BUILD_LOG, bytes, log.data(), nullptr);
-  while (!log.empty() && log.back() == '\0') log.pop_back();
-  return log;
-}
-
-cl_program build(cl_device_id id, cl_context context, const char* prelude, const std::vector<const char*>& sources,
-                 const std::string& options) {
-  std::string text = prelude;
-  for (const char* source : sources) text += source;
-  const std::lock_guard lock(shared_guard);
-  cl_program& slot = shared(id).programs[options + '\n' + text];
-  if (slot) return slot;
-
-  cl_int code = CL_SUCCESS;
-  const char* pointer = text.c_str();
-  const Owned<cl_program, clReleaseProgram> program(clCreateProgramWithSource(context, 1, &pointer, nullptr, &code));
-  check(code, "clCreateProgramWithSource");
-  const std::string flags = "-cl-std=CL1.2 " + options;
-  code = clBuildProgram(program.get(), 1, &id, flags.c_str(), nullptr, nullptr);
-  if (code != CL_SUCCESS)
-    throw std::runtime_error(
-        fmt::format("clBuildProgram({}): {} ({})\n{}", flags, error_name(code), code, build_log(program.get(), id)));
-  check(clRetainProgram(program.get()), "clRetainProgram");
-  return slot = program.get();
 }
 
 /// Four sizes for each power of two, so that a mesh that grows a little finds its old blocks again.
@@ -321,7 +198,7 @@ Device::~Device() {
 }
 
 Kernel Device::kernel(const std::vector<const char*>& sources, const std::string& build_options, const char* name) {
-  const cl_program program = build(id_, context_, driven_ ? kDrivenItem : kItem, sources, build_options);
+  const cl_program program = built_program(id_, context_, driven_ ? kDrivenItem : kItem, sources, build_options);
   cl_int code = CL_SUCCESS;
   KernelHandle handle(clCreateKernel(program, name, &code));
   check(code, name);

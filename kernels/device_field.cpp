@@ -1,6 +1,9 @@
 #include "kernels/device_field.h"
 
+#include "embedded/evaluate.cl.h"
+#include "embedded/normals.cl.h"
 #include "embedded/packet.cl.h"
+#include "embedded/project.cl.h"
 
 namespace isoskin::opencl {
 
@@ -20,6 +23,11 @@ Origin make_origin(const DVec3& at) {
     origin.low[i] = rounded(at[i] - origin.high[i]);
   }
   return origin;
+}
+
+const std::vector<const char*>& field_kernels() {
+  static const std::vector<const char*> sources = {source::evaluate, source::project, source::normals};
+  return sources;
 }
 
 const Kernel& FieldKernel::operator()(const DeviceField& field) {

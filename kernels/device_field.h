@@ -39,6 +39,10 @@ public:
 std::unique_ptr<DeviceField> make_skeleton_device_field(Device& device);
 std::unique_ptr<DeviceField> make_grid_device_field(Device& device);
 
+/// The sources of evaluate.cl, project.cl and normals.cl: one program, since PoCL reads OpenCL's headers for each,
+/// built before or not.
+const std::vector<const char*>& field_kernels();
+
 /// A kernel written over any field: built on first use for each variant of field it meets.
 class FieldKernel {
 public:

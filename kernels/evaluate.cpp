@@ -1,14 +1,12 @@
 #include "kernels/evaluate.h"
 
-#include "embedded/evaluate.cl.h"
-
 namespace isoskin::opencl {
 
 Evaluator::Evaluator(Device& device)
     : device_(&device),
-      both_(device, {source::evaluate}, "evaluate"),
-      values_(device, {source::evaluate}, "evaluate_values"),
-      hessian_(device, {source::evaluate}, "evaluate_hessian") {}
+      both_(device, field_kernels(), "evaluate"),
+      values_(device, field_kernels(), "evaluate_values"),
+      hessian_(device, field_kernels(), "evaluate_hessian") {}
 
 void Evaluator::evaluate(const DeviceField& field, std::span<const Vec3> points, std::span<float> values,
                          std::span<Vec3> gradients) {

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 
-#include "embedded/project.cl.h"
-
 namespace isoskin::opencl {
 
 ProjectParams project_params(const ProjectOptions& options) {
   return {options.tolerance, options.max_step, options.max_newton, options.max_bisection, options.reach};
 }
 
-Projector::Projector(Device& device) : device_(&device), project_(device, {source::project}, "project") {}
+Projector::Projector(Device& device) : device_(&device), project_(device, field_kernels(), "project") {}
 
 ProjectReport Projector::project(const DeviceField& field, std::span<Vec3> points, const ProjectOptions& options,
                                  std::span<ProjectStatus> status) {

@@ -527,8 +527,7 @@ void write_file_atomically(const std::filesystem::path& path, std::span<const ch
   file.commit();
 }
 
-void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std::span<const Vec3> normals,
-               const PlyHeader& header) {
+std::vector<char> ply_bytes(const TriangleMesh& mesh, std::span<const Vec3> normals, const PlyHeader& header) {
   if (!normals.empty() && normals.size() != mesh.vertex_count())
     throw std::invalid_argument(
         fmt::format("write_ply: {} normals for {} vertices", normals.size(), mesh.vertex_count()));
@@ -559,7 +558,12 @@ void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std:
     std::memcpy(faces + face * t + 1, &mesh.vertex[3 * t], 3 * sizeof(Index));
   });
   if (!critical.empty()) std::memcpy(faces + face * mesh.triangle_count(), critical.data(), critical.size_bytes());
-  write_file_atomically(path, bytes);
+  return bytes;
+}
+
+void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std::span<const Vec3> normals,
+               const PlyHeader& header) {
+  write_file_atomically(path, ply_bytes(mesh, normals, header));
 }
 
 PlyMesh read_ply(const std::filesystem::path& path) {

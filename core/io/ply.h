@@ -25,6 +25,9 @@ struct PlyHeader {
 void write_ply(const std::filesystem::path& path, const TriangleMesh& mesh, std::span<const Vec3> normals,
                const PlyHeader& header = {});
 
+/// The bytes that write_ply() writes.
+std::vector<char> ply_bytes(const TriangleMesh& mesh, std::span<const Vec3> normals, const PlyHeader& header = {});
+
 /// Reads what write_ply wrote, and any binary little-endian or ascii PLY of triangles with x y z; absent columns get
 /// make_mesh's defaults. Throws InputError naming the file and what was expected: truncated, not PLY, not triangles,
 /// index out of range, non-finite position. Does not link twins of an open mesh: `closed` says whether it is closed.
