@@ -62,7 +62,8 @@ struct Corner {
   IVec3 at;
   std::size_t slot;     // into lattice.value
   std::int8_t winding;  // of the mesh
-  bool operator<(const Corner& other) const { return key < other.key; }
+  // Corners on bricks' faces come once for each brick, with what that brick knows of them: ties must not be open.
+  bool operator<(const Corner& other) const { return std::pair(key, slot) < std::pair(other.key, other.slot); }
 };
 
 /// Lattice corners whose side differs between mesh and field, each once, sorted.
