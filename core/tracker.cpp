@@ -52,6 +52,11 @@ std::size_t count_in_all(const IdSet& a, const IdSet& b, std::vector<Index> some
       std::count_if(some.begin(), some.end(), [&](Index id) { return a.contains(id) && b.contains(id); }));
 }
 
+/// All of it.
+bool is_asleep(const std::vector<std::uint8_t>& asleep) {
+  return !asleep.empty() && std::find(asleep.begin(), asleep.end(), 0) == asleep.end();
+}
+
 std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
   std::vector<Box> boxes(pieces.count());
   for (Index v = 0; v < mesh.vertex_count(); ++v)
@@ -197,11 +202,14 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   Evidence evidence = sample(frame, report);
   move(frame, evidence, report);
   const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
-  const TriangleMesh predicted = may_have_flaps ? mesh_ : TriangleMesh{};
+  // What sleeps whole is as it was predicted.
+  const bool moves = may_have_flaps && !is_asleep(sleeping(mesh_.vertices, options_.sleep));
+  TriangleMesh predicted = moves ? mesh_ : TriangleMesh{};
   relax(report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
-  if (may_have_flaps && !evidence.certificate.passed) fold_in_flaps(predicted, frame, evidence, report);
+  if (may_have_flaps && !evidence.certificate.passed)
+    fold_in_flaps(moves ? std::move(predicted) : mesh_, frame, evidence, report);
   handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
@@ -456,11 +464,12 @@ void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
 void Tracker::certify(Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
   const MeshCopy* const before = before_.sides.mesh.get();
-  evidence.pieces =
-      before ? mesh_pieces(mesh_, *before, before_.pieces, mesh_changes(*before, mesh_)) : mesh_pieces(mesh_);
+  std::optional<MeshChanges> changes;
+  if (before) changes = mesh_changes(*before, mesh_);
+  evidence.pieces = before ? mesh_pieces(mesh_, *before, before_.pieces, *changes) : mesh_pieces(mesh_);
   evidence.sides = before_.sides;
   evidence.certificate = isoskin::certify(mesh_, evidence.pieces, *evidence.field, evidence.lattice, evidence.topology,
-                                          certify_options(), &evidence.sides);
+                                          certify_options(), &evidence.sides, std::move(changes));
 }
 
 CertifyOptions Tracker::certify_options() const {

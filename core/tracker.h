@@ -168,7 +168,7 @@ private:
 
   /// What critical events made of the mesh.
   struct Operated {
-    TriangleMesh mesh;
+    std::optional<TriangleMesh> mesh;  // none: it stays as it is
     CriticalState critical;
     EventReport report;
     double ms = 0.0;
@@ -179,7 +179,7 @@ private:
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   Operated operated_on(const EventPlan& plan, FrameReport& report);
-  void take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report);
+  void take_over(Operated operated, EventPlan plan, const FieldFrame& frame, FrameReport& report);
   Evidence sample(const FieldFrame& frame, FrameReport& report);
   double lattice_spacing(const Field& field, bool goes_on);
   void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);

@@ -32,7 +32,7 @@ void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
     backend_->set_field(frame.field);
   }
   for (int part = 1;; ++part) {
-    const EventPlan plan = plan_events(frame.field, report);
+    EventPlan plan = plan_events(frame.field, report);
     std::optional<double> cut = time_between_events(plan, options);
     Operated operated;
     if (!cut) {
@@ -43,11 +43,12 @@ void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
     }
     const auto between =
         cut && part < options_.most_parts ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
-    if (!between) return take_over(std::move(operated), plan, frame, report);
+    if (!between) return take_over(std::move(operated), std::move(plan), frame, report);
     backend_->set_field(between);
     wake(mesh_.vertices, ChangeMask({true, {}}, 0.0));  // between two moments a field may be anything
-    const EventPlan first = plan_events(between, report);
-    take_over(operated_on(first, report), first, frame, report);
+    EventPlan first = plan_events(between, report);
+    Operated operated_first = operated_on(first, report);
+    take_over(std::move(operated_first), std::move(first), frame, report);
     const ThinMotion thin = thin_motion(*between);
     backend_->project(mesh_.vertices.position, options_.project, {});
     thin.apply(mesh_, *between, 0.0);
@@ -66,19 +67,20 @@ EventPlan Tracker::plan_events(const std::shared_ptr<const Field>& field, FrameR
 Tracker::Operated Tracker::operated_on(const EventPlan& plan, FrameReport& report) {
   Step step(report, "surgery");
   const auto begin = std::chrono::steady_clock::now();
-  Operated operated{mesh_, critical_, {}, 0.0};
-  operated.report =
-      operate_on_critical_events(operated.mesh, operated.critical, plan, event_options(options_.edge_length));
+  Operated operated{std::nullopt, critical_, {}, 0.0};
+  if (!plan.crossings.empty()) operated.mesh = mesh_;
+  operated.report = operate_on_critical_events(operated.mesh ? *operated.mesh : mesh_, operated.critical, plan,
+                                               event_options(options_.edge_length));
   operated.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   return operated;
 }
 
 /// With the ledger of what was done.
-void Tracker::take_over(Operated operated, const EventPlan& plan, const FieldFrame& frame, FrameReport& report) {
+void Tracker::take_over(Operated operated, EventPlan plan, const FieldFrame& frame, FrameReport& report) {
   lies_on_ = critical_.field;
-  mesh_ = std::move(operated.mesh);
+  if (operated.mesh) mesh_ = *std::move(operated.mesh);
   critical_ = std::move(operated.critical);
-  paths_ = plan.tracking.paths;
+  paths_ = std::move(plan.tracking.paths);
   const EventReport& done = operated.report;
   for (const CriticalEvent& event : done.events)
     if (event.done) {

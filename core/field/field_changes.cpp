@@ -150,6 +150,8 @@ bool ChangeMask::contains(const DVec3& p) const {
 
 bool ChangeMask::overlaps(const Box& b) const {
   if (everywhere_ || cell_.empty()) return everywhere_;
+  const DVec3 low_end = origin_ - side_, high_end = origin_ + side_ * DVec3(size_ + 1);  // wider than rounding
+  if (glm::any(glm::lessThan(b.high, low_end)) || glm::any(glm::greaterThan(b.low, high_end))) return false;
   const Box open = b.grown(glm::all(glm::greaterThan(b.size(), DVec3(4.0 * kSliver * side_))) ? -kSliver * side_ : 0.0);
   const IVec3 low = glm::max(cell_of(open.low), IVec3(0)), high = glm::min(cell_of(open.high), size_ - 1);
   for (int x = low.x; x <= high.x; ++x)

@@ -1,5 +1,11 @@
 #include "core/mesh/edit.h"
 
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+
+#include <tbb/parallel_invoke.h>
+
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 
@@ -35,15 +41,34 @@ void set_triangle(TriangleMesh& mesh, Index h, Index a, Index b, Index c) {
   mesh.vertex[mesh.prev(h)] = c;
 }
 
-/// The numbers, in order, of the i < n with keep(i), and the new number of each kept i (kNone for others).
-struct Renumbering {
-  std::vector<Index> kept, renumbered;
+/// How many of some numbers below n are below another.
+class Ranks {
+public:
+  Ranks(std::size_t n, const std::vector<Index>& numbers) : bits_(n / 64 + 1), before_(n / 64 + 1) {
+    for (const Index i : numbers) bits_[i / 64] |= std::uint64_t(1) << i % 64;
+    for (std::size_t w = 1; w < bits_.size(); ++w) before_[w] = before_[w - 1] + Index(std::popcount(bits_[w - 1]));
+  }
+  Index below(Index i) const {
+    const std::uint64_t lower = (std::uint64_t(1) << i % 64) - 1;
+    return before_[i / 64] + Index(std::popcount(bits_[i / 64] & lower));
+  }
+
+private:
+  std::vector<std::uint64_t> bits_;
+  std::vector<Index> before_;
 };
-template <class Keep>
-Renumbering renumber(std::size_t n, const Keep& keep) {
-  Renumbering out{indices_where(n, keep), std::vector<Index>(n, kNone)};
-  for_each_index(out.kept.size(), [&](std::size_t i) { out.renumbered[out.kept[i]] = Index(i); });
-  return out;
+
+/// Removes rows of so many items; what stays keeps its order and its memory.
+template <class Item>
+void remove_rows(std::vector<Item>& column, const std::vector<Index>& rows, std::size_t items = 1) {
+  if (rows.empty()) return;
+  auto to = column.begin() + std::ptrdiff_t(items * rows.front());
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const auto from = column.begin() + std::ptrdiff_t(items * (rows[k] + 1));
+    const auto end = k + 1 < rows.size() ? column.begin() + std::ptrdiff_t(items * rows[k + 1]) : column.end();
+    to = std::move(from, end, to);
+  }
+  column.erase(to, column.end());
 }
 
 }  // namespace
@@ -118,25 +143,30 @@ void collapse_edge(TriangleMesh& mesh, Index h, float t) {
 }
 
 void compact(TriangleMesh& mesh) {
-  const auto [triangles, new_triangle] =
-      renumber(mesh.triangle_count(), [&](Index t) { return mesh.vertex[3 * t] != kNone; });
+  const std::vector<Index> dead =
+      indices_where(mesh.triangle_count(), [&](Index t) { return mesh.vertex[3 * t] == kNone; });
   std::vector<std::uint8_t> used(mesh.vertex_count(), 0);
   for_each_index(mesh.vertex.size(), [&](std::size_t h) {
     if (mesh.vertex[h] != kNone)
       std::atomic_ref<std::uint8_t>(used[mesh.vertex[h]]).store(1, std::memory_order_relaxed);
   });
-  const auto [vertices, new_vertex] = renumber(mesh.vertex_count(), [&](Index v) { return used[v] != 0; });
-  if (triangles.size() == mesh.triangle_count() && vertices.size() == mesh.vertex_count()) return;
+  const std::vector<Index> unused = indices_where(mesh.vertex_count(), [&](Index v) { return !used[v]; });
+  if (dead.empty() && unused.empty()) return;
 
-  std::vector<Index> vertex(3 * triangles.size()), twin(3 * triangles.size());
-  for_each_index(vertex.size(), [&, &old = triangles, &moved = new_triangle, &name = new_vertex](Index h) {
-    const Index from = 3 * old[h / 3] + h % 3, opposite = mesh.twin[from];
-    vertex[h] = name[mesh.vertex[from]];
-    twin[h] = 3 * moved[opposite / 3] + opposite % 3;
+  const Ranks dead_triangles(mesh.triangle_count(), dead), unused_vertices(mesh.vertex_count(), unused);
+  for_each_index(mesh.vertex.size(), [&](std::size_t h) {
+    if (mesh.vertex[h] == kNone) return;
+    mesh.vertex[h] -= unused_vertices.below(mesh.vertex[h]);
+    mesh.twin[h] -= 3 * dead_triangles.below(mesh.twin[h] / 3);
   });
-  mesh.vertex = std::move(vertex);
-  mesh.twin = std::move(twin);
-  mesh.vertices = mesh.vertices.select(vertices);
+  VertexTable& table = mesh.vertices;
+  tbb::parallel_invoke([&] { remove_rows(mesh.vertex, dead, 3); }, [&] { remove_rows(mesh.twin, dead, 3); },
+                       [&] { remove_rows(table.position, unused); }, [&] { remove_rows(table.rest, unused); },
+                       [&] { remove_rows(table.velocity, unused); },
+                       [&] {
+                         remove_rows(table.id, unused);
+                         remove_rows(table.age, unused);
+                       });
 }
 
 }  // namespace isoskin

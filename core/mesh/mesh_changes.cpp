@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <numeric>
 #include <optional>
 #include <utility>
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include "core/mesh/id_set.h"
 #include "core/parallel.h"
@@ -29,15 +33,14 @@ std::vector<Index> match_vertices(const MeshCopy& before, const TriangleMesh& me
   return match;
 }
 
-using Corners = std::array<Index, 3>;
-
 /// Walks through the triangles of both meshes that have all their vertices in both, unmoved.
 class Walk {
 public:
   Walk(const MeshCopy& before, const TriangleMesh& mesh, MeshChanges& changes)
       : before_(before), mesh_(mesh), changes_(changes), vertex_now_(before.id.size(), kNone) {
-    for (Index v = 0; v < changes.vertex_before.size(); ++v)
-      if (!changes.moved[v]) vertex_now_[changes.vertex_before[v]] = v;
+    for_each_index(changes.vertex_before.size(), [&](std::size_t v) {
+      if (!changes.moved[v]) vertex_now_[changes.vertex_before[v]] = Index(v);
+    });
   }
 
   void run() {
@@ -45,7 +48,7 @@ public:
       pass_over_others();
       if (old_ == old_end() || now_ == now_end()) break;
       if (same(old_, now_))
-        ++old_, ++now_;
+        pass_over_same();
       else
         pass_over_difference();
     }
@@ -74,6 +77,32 @@ private:
     for (; now_ < now_end() && !stayed(now_); ++now_) changes_.fresh.push_back(now_);
   }
 
+  /// Over all that goes on the same, in stretches that grow and are looked over in parallel.
+  void pass_over_same() {
+    constexpr Index kFirst = 16, kMost = 1 << 18;
+    for (Index stretch = kFirst;; stretch = std::min(2 * stretch, kMost)) {
+      const Index most = std::min({stretch, old_end() - old_, now_end() - now_}), same = count_same(most);
+      old_ += same, now_ += same;
+      if (same < stretch) return;
+    }
+  }
+
+  /// How many of the next triangles go on the same, at most `most`.
+  Index count_same(Index most) const {
+    constexpr Index kBlock = 4096;
+    std::atomic<Index> first{most};
+    tbb::parallel_for(Index{0}, (most + kBlock - 1) / kBlock, [&](Index block) {
+      if (first.load(std::memory_order_relaxed) < block * kBlock) return;
+      for (Index i = block * kBlock; i < std::min(most, (block + 1) * kBlock); ++i) {
+        if (same(old_ + i, now_ + i)) continue;
+        for (Index seen = first; i < seen && !first.compare_exchange_weak(seen, i);) {
+        }
+        return;
+      }
+    });
+    return first;
+  }
+
   /// To the next triangle of either that is the other's, if there is one near, else over both.
   void pass_over_difference() {
     constexpr Index kNear = 32;
@@ -98,25 +127,32 @@ private:
   Index old_ = 0, now_ = 0;
 };
 
-/// What some triangles join of the vertices of both meshes: those of the copy, then those of the mesh that are new.
+/// What some triangles join of some vertices, which are known by ascending names.
 class Joined {
 public:
-  explicit Joined(std::size_t vertices) : parent_(vertices), used_(vertices, 0) {
+  explicit Joined(const std::vector<Index>& names) : names_(names), parent_(names.size()), used_(names.size(), 0) {
     std::iota(parent_.begin(), parent_.end(), Index{0});
   }
 
-  void join(Index a, Index b, Index c) {
-    used_[a] = used_[b] = used_[c] = 1;
-    const Index root = std::min({find(a), find(b), find(c)});
-    for (const Index v : {a, b, c}) parent_[find(v)] = root;
+  void join(const std::array<Index, 3>& names) {
+    std::array<Index, 3> corner;
+    for (int k = 0; k < 3; ++k)
+      corner[k] = Index(std::lower_bound(names_.begin(), names_.end(), names[k]) - names_.begin());
+    const Index root = std::min({find(corner[0]), find(corner[1]), find(corner[2])});
+    for (const Index i : corner) {
+      used_[i] = 1;
+      parent_[find(i)] = root;
+    }
   }
-  Index find(Index v) {
-    while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
-    return v;
+  /// By numbers among the names.
+  Index find(Index i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
   }
-  bool uses(Index v) const { return used_[v] != 0; }
+  bool uses(Index i) const { return used_[i] != 0; }
 
 private:
+  const std::vector<Index>& names_;
   std::vector<Index> parent_;
   std::vector<std::uint8_t> used_;
 };
@@ -131,31 +167,45 @@ std::optional<std::vector<Index>> labels_after(const TriangleMesh& mesh, const M
   });
   if (changes.gone.empty() && changes.fresh.empty()) return label;
 
+  // The vertices of the copy have their own names, those of the mesh that are new come after them.
   const Index first_new = Index(before.id.size());
   const auto name = [&](Index v) { return was[v] == kNone ? first_new + v : was[v]; };
-  Joined gone(first_new), fresh(first_new + mesh.vertex_count());
-  for (const Index t : changes.gone) {
-    const Index* v = &before.vertex[3 * t];
-    gone.join(v[0], v[1], v[2]);
-  }
-  for (const Index t : changes.fresh) {
-    const Index* v = &mesh.vertex[3 * t];
-    fresh.join(name(v[0]), name(v[1]), name(v[2]));
-  }
-  std::vector<Index> fresh_of_gone(first_new, kNone), gone_of_fresh(first_new + mesh.vertex_count(), kNone);
+  const auto gone_corners = [&](Index t) -> std::array<Index, 3> {
+    return {before.vertex[3 * t], before.vertex[3 * t + 1], before.vertex[3 * t + 2]};
+  };
+  const auto fresh_corners = [&](Index t) -> std::array<Index, 3> {
+    return {name(mesh.vertex[3 * t]), name(mesh.vertex[3 * t + 1]), name(mesh.vertex[3 * t + 2])};
+  };
+  std::vector<Index> names;
+  const auto add = [&](const std::array<Index, 3>& corners) {
+    names.insert(names.end(), corners.begin(), corners.end());
+  };
+  for (const Index t : changes.gone) add(gone_corners(t));
+  for (const Index t : changes.fresh) add(fresh_corners(t));
+  tbb::parallel_sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  std::vector<std::uint8_t> is_left(first_new, 0);
+  for_each_index(was.size(), [&](std::size_t v) {
+    if (was[v] != kNone) is_left[was[v]] = 1;
+  });
+
+  Joined gone(names), fresh(names);
+  for (const Index t : changes.gone) gone.join(gone_corners(t));
+  for (const Index t : changes.fresh) fresh.join(fresh_corners(t));
+  std::vector<Index> fresh_of_gone(names.size(), kNone), gone_of_fresh(names.size(), kNone);
   const auto agree = [](Index& known, Index found) { return std::exchange(known, found) == found; };
-  for (Index v = 0; v < label.size(); ++v) {
-    if (was[v] == kNone || (!gone.uses(was[v]) && !fresh.uses(was[v]))) continue;
-    if (!gone.uses(was[v]) || !fresh.uses(was[v])) return std::nullopt;
-    const Index a = gone.find(was[v]), b = fresh.find(was[v]);
+  for (Index i = 0; i < names.size() && names[i] < first_new; ++i) {
+    if (!is_left[names[i]]) continue;
+    if (!gone.uses(i) || !fresh.uses(i)) return std::nullopt;
+    const Index a = gone.find(i), b = fresh.find(i);
     const bool known = fresh_of_gone[a] != kNone || gone_of_fresh[b] != kNone;
     if (!(agree(fresh_of_gone[a], b) & agree(gone_of_fresh[b], a)) && known) return std::nullopt;
   }
-  for (Index v = 0; v < label.size(); ++v) {
-    if (was[v] != kNone || !fresh.uses(name(v))) continue;
-    const Index like = gone_of_fresh[fresh.find(name(v))];
+  for (Index i = 0; i < names.size(); ++i) {
+    if (names[i] < first_new) continue;
+    const Index like = gone_of_fresh[fresh.find(i)];
     if (like == kNone) return std::nullopt;  // a piece that was not there
-    label[v] = pieces_before.of_vertex[like];
+    label[names[i] - first_new] = pieces_before.of_vertex[names[like]];
   }
   return label;
 }

@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "core/disjoint_sets.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -127,36 +128,6 @@ std::vector<Index> inverse_permutation(const std::vector<Index>& order) {
   return inverse;
 }
 
-/// Union-find whose roots are the smallest members, so labels do not depend on the order of unions.
-class DisjointSets {
-public:
-  explicit DisjointSets(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), Index(0)); }
-
-  Index root(Index v) {
-    for (;;) {
-      const Index up = at(v).load(std::memory_order_relaxed);
-      if (up == v) return v;
-      const Index above = at(up).load(std::memory_order_relaxed);
-      if (above != up) at(v).store(above, std::memory_order_relaxed);
-      v = up;
-    }
-  }
-
-  void unite(Index a, Index b) {
-    for (;;) {
-      a = root(a), b = root(b);
-      if (a == b) return;
-      if (a < b) std::swap(a, b);
-      Index expected = a;
-      if (at(a).compare_exchange_strong(expected, b, std::memory_order_relaxed)) return;
-    }
-  }
-
-private:
-  std::atomic_ref<Index> at(Index v) { return std::atomic_ref<Index>(parent_[v]); }
-  std::vector<Index> parent_;
-};
-
 /// Sum of f(i) over i < n in blocks of fixed size: one order of additions whatever the number of threads.
 template <class Function>
 double ordered_sum(std::size_t n, const Function& f) {
@@ -272,44 +243,66 @@ MeshPieces mesh_pieces(const TriangleMesh& mesh) {
   });
 
   std::vector<Index> label(n, kNone);
-  for (Index v = 0; v < n; ++v)
+  for_each_index(n, [&](Index v) {
     if (used[v]) label[v] = sets.root(v);
+  });
   return labelled_pieces(mesh, label, n);
 }
 
 MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels) {
+  constexpr std::size_t kBlock = 4096;
   const std::size_t n = mesh.vertex_count(), triangles = mesh.triangle_count();
+  std::vector<Index> first(labels, kNone);  // per label: its first vertex
+  for_each_index(n, [&](std::size_t v) {
+    if (label[v] != kNone) atomic_min(first[label[v]], Index(v));
+  });
+  std::vector<Index> origin;
+  for (const Index v : first)
+    if (v != kNone) origin.push_back(v);
+  tbb::parallel_sort(origin.begin(), origin.end());
+  for_each_index(origin.size(), [&](std::size_t p) { first[label[origin[p]]] = Index(p); });
   MeshPieces pieces;
-  pieces.of_vertex.assign(n, kNone);
-  std::vector<Index> origin, piece_of(labels, kNone);
-  for (Index v = 0; v < n; ++v) {
-    if (label[v] == kNone) continue;
-    Index& piece = piece_of[label[v]];
-    if (piece == kNone) {
-      piece = Index(origin.size());
-      origin.push_back(v);
-      pieces.euler.push_back(0);
-    }
-    pieces.of_vertex[v] = piece;
-    ++pieces.euler[piece];
-  }
+  pieces.of_vertex.resize(n);
+  for_each_index(n, [&](std::size_t v) { pieces.of_vertex[v] = label[v] == kNone ? kNone : first[label[v]]; });
 
-  // Six times the signed volume under each triangle, seen from its piece's first vertex to keep cancellation small.
-  std::vector<double> volume(triangles);
-  for_each_index(triangles, [&](Index t) {
-    const DVec3 o(mesh.position(origin[pieces.of_vertex[mesh.vertex[3 * t]]]));
+  // What blocks of vertices and triangles add to pieces, in runs, so that sums come in one order whatever the threads.
+  struct Run {
+    Index piece;
+    int count;
+    double volume;  // six times, seen from the piece's first vertex to keep cancellation small
+  };
+  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& volume_of) {
+    std::vector<std::vector<Run>> runs((count + kBlock - 1) / kBlock);
+    tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
+      for (std::size_t i = b * kBlock; i < std::min(count, (b + 1) * kBlock); ++i) {
+        const Index piece = pieces.of_vertex[vertex_of(i)];
+        if (piece == kNone) continue;
+        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0.0});
+        ++runs[b].back().count;
+        runs[b].back().volume += volume_of(i, piece);
+      }
+    });
+    return runs;
+  };
+  pieces.euler.assign(origin.size(), 0);
+  pieces.volume.assign(origin.size(), 0.0);
+  std::vector<int> faces(origin.size(), 0);
+  for (const auto& block : runs_of(
+           n, [](std::size_t v) { return v; }, [](std::size_t, Index) { return 0.0; }))
+    for (const Run& run : block) pieces.euler[run.piece] += run.count;
+  const auto volume_under = [&](std::size_t t, Index piece) {
+    const DVec3 o(mesh.position(origin[piece]));
     const DVec3 a = DVec3(mesh.position(mesh.vertex[3 * t])) - o, b = DVec3(mesh.position(mesh.vertex[3 * t + 1])) - o,
                 c = DVec3(mesh.position(mesh.vertex[3 * t + 2])) - o;
-    volume[t] = glm::dot(a, glm::cross(b, c));
-  });
-  std::vector<std::size_t> faces(pieces.count(), 0);
-  pieces.volume.assign(pieces.count(), 0.0);
-  for (Index t = 0; t < triangles; ++t) {
-    const Index piece = pieces.of_vertex[mesh.vertex[3 * t]];
-    pieces.volume[piece] += volume[t] / 6.0;
-    ++faces[piece];
-  }
-  for (std::size_t p = 0; p < pieces.count(); ++p) pieces.euler[p] -= int(faces[p] / 2);  // V - E + F with 2 E = 3 F
+    return glm::dot(a, glm::cross(b, c));
+  };
+  for (const auto& block : runs_of(
+           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, volume_under))
+    for (const Run& run : block) {
+      faces[run.piece] += run.count;
+      pieces.volume[run.piece] += run.volume / 6.0;
+    }
+  for (std::size_t p = 0; p < pieces.count(); ++p) pieces.euler[p] -= faces[p] / 2;  // V - E + F with 2 E = 3 F
   return pieces;
 }
 

@@ -10,6 +10,7 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
+#include "core/disjoint_sets.h"
 #include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
@@ -106,24 +107,6 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& befo
   throw std::invalid_argument("the surface leaves the lattice at brick (" + std::to_string(where.x) + ", " +
                               std::to_string(where.y) + ", " + std::to_string(where.z) + ")");
 }
-
-/// Disjoint sets; the representative is the smallest member.
-class Sets {
-public:
-  explicit Sets(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), Index{0}); }
-  Index find(Index a) {
-    while (parent_[a] != a) a = parent_[a] = parent_[parent_[a]];
-    return a;
-  }
-  void join(Index a, Index b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
-private:
-  std::vector<Index> parent_;
-};
 
 /// Do the cells with corners of both signs hang together through faces with corners of both signs?
 bool hangs_together(const BrickSigns& signs) {
@@ -383,20 +366,20 @@ void find_parts(const BrickLattice& lattice, LatticeTopology& before, LatticeTop
 }
 
 /// Joins the parts of a brick to those of its neighbour `i`, some of which it shares crossings with, if it has but one.
-void join_single(const LatticeTopology& t, Sets& sets, Index brick, int i) {
+void join_single(const LatticeTopology& t, DisjointSets& sets, Index brick, int i) {
   const Index other = t.upper[brick][i];
   const BrickParts& parts = t.parts[other];
   if (parts.of_crossing.empty()) {
     std::uint64_t any = 0;
     for (int word = 0; word < 24; ++word) any |= t.crossings[other].mask[word] & kShared[i][word];
-    if (any) sets.join(t.first_part[brick], t.first_part[other]);
+    if (any) sets.unite(t.first_part[brick], t.first_part[other]);
     return;
   }
   const BrickCrossings& c = t.crossings[other];
   for (int word = 0; word < 24; ++word)
     for (std::uint64_t bits = c.mask[word] & kShared[i][word]; bits; bits &= bits - 1) {
       const int number = c.before[word] + std::popcount(c.mask[word] & ((bits & (~bits + 1)) - 1));
-      sets.join(t.first_part[brick], t.first_part[other] + parts.of_crossing[number]);
+      sets.unite(t.first_part[brick], t.first_part[other] + parts.of_crossing[number]);
     }
 }
 
@@ -406,20 +389,21 @@ void join_parts(const BrickLattice& lattice, LatticeTopology& t) {
   t.first_part.assign(bricks.size() + 1, 0);
   for (std::size_t b = 0; b < bricks.size(); ++b)
     t.first_part[b + 1] = t.first_part[b] + static_cast<Index>(bricks[b].part.size());
-  Sets sets(t.first_part.back());
-  for (Index b = 0; b < bricks.size(); ++b) {
+  DisjointSets sets(t.first_part.back());
+  for_bricks(bricks.size(), [&](std::size_t brick) {
+    const Index b = static_cast<Index>(brick);
     for (const BrickParts::Link& link : bricks[b].link) {
       const Index other = t.upper[b][link.neighbour];
-      sets.join(t.first_part[b] + link.part, t.first_part[other] + bricks[other].part_of_crossing(link.crossing));
+      sets.unite(t.first_part[b] + link.part, t.first_part[other] + bricks[other].part_of_crossing(link.crossing));
     }
-    if (bricks[b].part.size() != 1) continue;
+    if (bricks[b].part.size() != 1) return;
     for (int i = 1; i < 7; ++i)
       if (t.upper[b][i] != kNone) join_single(t, sets, b, i);
-  }
+  });
   t.part_piece.resize(t.first_part.back());
   for (std::size_t b = 0; b < bricks.size(); ++b)
     for (Index k = 0; k < bricks[b].part.size(); ++k) {
-      const Index at = t.first_part[b] + k, root = sets.find(at);  // no later than the part itself
+      const Index at = t.first_part[b] + k, root = sets.root(at);  // no later than the part itself
       if (root == at) {
         t.part_piece[root] = static_cast<Index>(t.euler.size());
         t.euler.push_back(0);

@@ -71,8 +71,10 @@ std::string Certificate::summary() const {
 }
 
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
-                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory) {
-  const SideReport sides = check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory);
+                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory,
+                    std::optional<MeshChanges> changes) {
+  const SideReport sides =
+      check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory, std::move(changes));
   Certificate certificate;
   certificate.corners_checked = sides.checked;
   certificate.wrong_side = sides.wrong;

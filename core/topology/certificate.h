@@ -49,9 +49,11 @@ struct Certificate {
 /// must be 1 at lattice corners inside and 0 outside, everywhere in space, once they are farther than the tolerance
 /// (see check_sides). Topology: pieces are matched through the cells their vertices lie in (see match_pieces); a match
 /// must be one to one with equal Euler characteristic and sign of volume. Every piece of a cluster fails with it, so
-/// failed lattice pieces are where the failed mesh pieces were. `memory`: see check_sides. Parallel and deterministic.
+/// failed lattice pieces are where the failed mesh pieces were. `memory`, `changes`: see check_sides. Parallel and
+/// deterministic.
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
-                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory = nullptr);
+                    const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory = nullptr,
+                    std::optional<MeshChanges> changes = std::nullopt);
 
 /// One byte a vertex: whether its piece has another topology than the field.
 std::vector<std::uint8_t> failed_vertices(const MeshPieces& pieces, const Certificate& certificate);

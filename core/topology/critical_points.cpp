@@ -8,6 +8,7 @@
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
+#include "core/topology/places.h"
 
 namespace isoskin {
 namespace {
@@ -93,12 +94,11 @@ std::vector<Index> one_of_each(std::vector<Index> points, double distance, const
   std::sort(points.begin(), points.end(),
             [&](Index a, Index b) { return before(place(a), place(b)) || (!before(place(b), place(a)) && a < b); });
   std::vector<Index> kept;
-  std::size_t window = 0;  // kept points before it are too far along x
+  Places known(distance);
   for (const Index point : points) {
-    while (window < kept.size() && place(kept[window]).x < place(point).x - distance) ++window;
-    const bool known = std::any_of(kept.begin() + std::ptrdiff_t(window), kept.end(),
-                                   [&](Index k) { return glm::distance(place(k), place(point)) <= distance; });
-    if (!known) kept.push_back(point);
+    if (known.any_near(place(point))) continue;
+    known.add(place(point));
+    kept.push_back(point);
   }
   return kept;
 }

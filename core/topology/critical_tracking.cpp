@@ -5,6 +5,8 @@
 
 #include <tbb/parallel_for.h>
 
+#include "core/topology/places.h"
+
 namespace isoskin {
 namespace {
 
@@ -139,14 +141,23 @@ CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::ve
   result.paths = follow_all(without_degenerate(previous), continuation, changed, true);
 
   const double same = options.merge * options.edge_length;
+  Places known(same);
+  if (!found.empty())
+    for (const CriticalPath& path : result.paths)
+      if (path.exists_after()) known.add(path.last.position);
   std::vector<CriticalPoint> fresh = without_degenerate(found);
-  std::erase_if(fresh, [&](const CriticalPoint& point) {
-    return std::any_of(result.paths.begin(), result.paths.end(), [&](const CriticalPath& path) {
-      return path.exists_after() && glm::distance(path.last.position, point.position) <= same;
-    });
-  });
+  std::erase_if(fresh, [&](const CriticalPoint& point) { return known.any_near(point.position); });
+  const auto sort_from = [&](std::size_t first) {
+    const auto begin = result.paths.begin() + std::ptrdiff_t(first);
+    if (!std::is_sorted(begin, result.paths.end(), before_in_space))
+      std::sort(begin, result.paths.end(), before_in_space);
+  };
+  const std::size_t followed = result.paths.size();
+  sort_from(0);
   for (CriticalPath& path : follow_all(fresh, continuation, changed, false)) result.paths.push_back(std::move(path));
-  std::sort(result.paths.begin(), result.paths.end(), before_in_space);
+  sort_from(followed);
+  std::inplace_merge(result.paths.begin(), result.paths.begin() + std::ptrdiff_t(followed), result.paths.end(),
+                     before_in_space);
   for (const CriticalPath& path : result.paths) {
     result.matched += path.existed_before() && path.exists_after();
     result.born += !path.existed_before();

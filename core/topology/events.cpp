@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/field/skeleton_field.h"
+#include "core/parallel.h"
 #include "core/topology/critical_interval.h"
 
 namespace isoskin {
@@ -73,6 +74,20 @@ CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const 
                        const EventOptions& options) {
   merge_critical_points(points, options.critical.merge * options.critical.edge_length);
   return {std::move(field), std::move(points)};
+}
+
+/// Where the paths lead.
+std::vector<CriticalPoint> points_after(const std::vector<CriticalPath>& paths, const Field& field,
+                                        const CriticalOptions& options) {
+  std::vector<CriticalPoint> all(paths.size()), points;
+  for_each_index(paths.size(), [&](std::size_t i) {
+    const CriticalPath& path = paths[i];
+    if (!path.exists_after()) return;
+    all[i] = path.still ? path.last : describe_critical_point(field, path.last.position, options);
+  });
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    if (paths[i].exists_after()) points.push_back(all[i]);
+  return points;
 }
 
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
@@ -200,12 +215,13 @@ EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state,
     report.events.push_back(operate(mesh, path, *plan.field, options.surgery));
     ++(report.events.back().done ? report.done : report.left_over);
   }
-  std::vector<CriticalPoint> points;
-  for (const CriticalPath& path : plan.tracking.paths)
-    if (path.exists_after())
-      points.push_back(path.still ? path.last
-                                  : describe_critical_point(*plan.field, path.last.position, options.critical));
-  state = state_of(std::move(points), plan.field, options);
+  const std::vector<CriticalPath>& paths = plan.tracking.paths;
+  const bool as_before = paths.size() == state.points.size() &&
+                         std::all_of(paths.begin(), paths.end(), [](const CriticalPath& path) { return path.still; });
+  if (as_before)
+    state.field = plan.field;
+  else
+    state = state_of(points_after(paths, *plan.field, options.critical), plan.field, options);
   report.critical_points = state.points.size();
   report.degenerate = plan.degenerate;
   report.born = plan.tracking.born;

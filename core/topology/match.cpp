@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <set>
@@ -32,43 +33,59 @@ IVec3 cell_of(const BrickLattice& lattice, const Vec3& position) {
   return IVec3(glm::floor((DVec3(position) - lattice.origin) / lattice.spacing));
 }
 
-template <class Visit>
-void for_pieces_in_cell(const BrickLattice& lattice, const LatticeTopology& topology, const IVec3& cell,
-                        const Visit& visit) {
-  const Index brick = lattice.find({cell.x >> 3, cell.y >> 3, cell.z >> 3});
-  if (brick == kNone) return;
-  topology.for_pieces_in_cell(brick, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7), visit);
-}
+/// Tells the pieces in one cell after another; most are in the brick of the one before.
+class Cells {
+public:
+  Cells(const BrickLattice& lattice, const LatticeTopology& topology) : lattice_(lattice), topology_(topology) {}
 
-/// The one piece with patches in a cell; kNone without any, kSeveral with more than one.
-Index piece_in_cell(const BrickLattice& lattice, const LatticeTopology& topology, const IVec3& cell) {
-  Index found = kNone;
-  for_pieces_in_cell(lattice, topology, cell, [&](Index p) { found = found == kNone || found == p ? p : kSeveral; });
-  return found;
-}
-
-Index vote(const BrickLattice& lattice, const LatticeTopology& topology, const Vec3& position) {
-  const IVec3 cell = cell_of(lattice, position);
-  const Index here = piece_in_cell(lattice, topology, cell);
-  if (here != kNone) return here == kSeveral ? kNone : here;
-  Index found = kNone;
-  for (int i = 0; i < 27; ++i) {
-    const Index near = piece_in_cell(lattice, topology, cell + around(i));
-    if (near == kNone || near == found) continue;
-    if (found != kNone || near == kSeveral) return kNone;
-    found = near;
+  template <class Visit>
+  void for_pieces_in(const IVec3& cell, const Visit& visit) {
+    const IVec3 brick = cell >> 3;
+    if (brick != last_) {
+      last_ = brick;
+      last_number_ = lattice_.find(brick);
+    }
+    if (last_number_ == kNone) return;
+    topology_.for_pieces_in_cell(last_number_, ((cell.x & 7) * kCells + (cell.y & 7)) * kCells + (cell.z & 7), visit);
   }
-  return found;
-}
+
+  /// The one piece with patches in a cell; kNone without any, kSeveral with more than one.
+  Index piece_in(const IVec3& cell) {
+    Index found = kNone;
+    for_pieces_in(cell, [&](Index p) { found = found == kNone || found == p ? p : kSeveral; });
+    return found;
+  }
+
+  Index vote(const Vec3& position) {
+    const IVec3 cell = cell_of(lattice_, position);
+    const Index here = piece_in(cell);
+    if (here != kNone) return here == kSeveral ? kNone : here;
+    Index found = kNone;
+    for (int i = 0; i < 27; ++i) {
+      const Index near = piece_in(cell + around(i));
+      if (near == kNone || near == found) continue;
+      if (found != kNone || near == kSeveral) return kNone;
+      found = near;
+    }
+    return found;
+  }
+
+private:
+  const BrickLattice& lattice_;
+  const LatticeTopology& topology_;
+  IVec3 last_{std::numeric_limits<int>::min()};  // no brick
+  Index last_number_ = kNone;
+};
 
 /// Votes by pair of pieces, sorted by mesh piece, then by lattice piece.
 std::vector<Votes> count_votes(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
                                const LatticeTopology& topology) {
   std::vector<std::vector<Votes>> runs((mesh.vertex_count() + kChunk - 1) / kChunk);
   tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t k) {
+    Cells cells(lattice, topology);
     for (std::size_t v = k * kChunk; v < std::min(mesh.vertex_count(), (k + 1) * kChunk); ++v) {
       if (pieces.of_vertex[v] == kNone) continue;
-      const Index to = vote(lattice, topology, mesh.vertices.position[v]);
+      const Index to = cells.vote(mesh.vertices.position[v]);
       if (to == kNone) continue;
       if (!runs[k].empty() && runs[k].back().mesh == pieces.of_vertex[v] && runs[k].back().lattice == to)
         ++runs[k].back().count;
@@ -119,13 +136,16 @@ Matching mutual_matches(const std::vector<Votes>& votes, std::size_t mesh_pieces
 void match_leftovers(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
                      const LatticeTopology& topology, Matching& matching) {
   std::map<std::pair<Index, Index>, std::size_t> near;  // (mesh piece, lattice piece) to vertices
+  const bool all_matched = std::find(matching.of_mesh.begin(), matching.of_mesh.end(), kNone) == matching.of_mesh.end();
+  if (all_matched) return;
+  Cells cells(lattice, topology);
   for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
     const Index m = pieces.of_vertex[v];
     if (m == kNone || matching.of_mesh[m] != kNone) continue;
     std::set<Index> seen;
     const IVec3 cell = cell_of(lattice, mesh.vertices.position[v]);
     for (int i = 0; i < 27; ++i)
-      for_pieces_in_cell(lattice, topology, cell + around(i), [&](Index l) {
+      cells.for_pieces_in(cell + around(i), [&](Index l) {
         if (matching.of_lattice[l] == kNone) seen.insert(l);
       });
     for (const Index l : seen) ++near[{m, l}];

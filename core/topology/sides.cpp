@@ -243,11 +243,11 @@ std::vector<glm::ivec2> columns_of(const BrickLattice& lattice, const std::vecto
 
 /// See column_prints(); goes on from those of the mesh before where that takes less.
 std::vector<std::uint64_t> prints_now(const TriangleMesh& mesh, const BrickLattice& lattice, const SideMemory& before,
-                                      SideMemory& now) {
+                                      std::optional<MeshChanges> changes, SideMemory& now) {
   constexpr std::size_t kMostChanged = 2;  // one in so many triangles
   if (before.print.empty()) return column_prints(mesh, lattice);
-  MeshChanges changes = mesh_changes(*before.mesh, mesh);
-  if (changes.fresh.size() * kMostChanged > mesh.triangle_count()) return column_prints(mesh, lattice);
+  if (!changes) changes = mesh_changes(*before.mesh, mesh);
+  if (changes->fresh.size() * kMostChanged > mesh.triangle_count()) return column_prints(mesh, lattice);
   now.changes = std::move(changes);
   if (before.column != now.column) return column_prints(mesh, lattice);
   std::vector<std::uint64_t> print = before.print;
@@ -268,11 +268,12 @@ Index column_before(const SideMemory& before, const BrickLattice& lattice, Index
 
 /// Fills `now`, but for what a walk has to find out; one byte a column: whether it has to be walked. Empty: all.
 std::vector<std::uint8_t> columns_to_walk(const TriangleMesh& mesh, const BrickLattice& lattice, double threshold,
-                                          const SideMemory& before, SideMemory& now) {
+                                          const SideMemory& before, std::optional<MeshChanges> changes,
+                                          SideMemory& now) {
   if (lattice.same_as.empty()) return {};
   now.first_brick = first_bricks(lattice);
   now.column = columns_of(lattice, now.first_brick);
-  now.print = prints_now(mesh, lattice, before, now);
+  now.print = prints_now(mesh, lattice, before, std::move(changes), now);
   const bool same =
       now.changes && now.changes->gone.empty() && now.changes->fresh.empty() && before.mesh->id == mesh.vertices.id;
   now.mesh = same ? before.mesh : std::make_shared<const MeshCopy>(mesh);
@@ -317,14 +318,15 @@ bool FarCorners::is_far(double value, double slope, double share) const {
 
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
                        const BrickLattice& lattice, const LatticeTopology& topology, double tolerance,
-                       SideMemory* memory) {
+                       SideMemory* memory, std::optional<MeshChanges> changes) {
   SideReport report;
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
   const FarCorners far(field, lattice, tolerance);
   SideMemory now;
   const std::vector<std::uint8_t> wanted =
-      memory ? columns_to_walk(mesh, lattice, far.threshold(), *memory, now) : std::vector<std::uint8_t>{};
+      memory ? columns_to_walk(mesh, lattice, far.threshold(), *memory, std::move(changes), now)
+             : std::vector<std::uint8_t>{};
   const MeshColumns columns = cross_columns(mesh, lattice, wanted);
   Walk walk{mesh, pieces, field, lattice, topology, columns, far, report};
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {

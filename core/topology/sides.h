@@ -59,9 +59,10 @@ struct SideMemory {
 /// to end of space: where there are no bricks F keeps its sign, and corners in wrong stretches are evaluated through
 /// `field` (up to 64 a stretch). See FarCorners for what is far. `memory`, if given, is of the lattice that
 /// lattice.same_as refers to, and becomes of this one: columns in which neither mesh nor lattice has changed, and
-/// nothing was far, are not walked again, with the same report. Parallel and deterministic.
+/// nothing was far, are not walked again, with the same report. `changes`, if given, are those from memory->mesh to the
+/// mesh. Parallel and deterministic.
 SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field,
                        const BrickLattice& lattice, const LatticeTopology& topology, double tolerance,
-                       SideMemory* memory = nullptr);
+                       SideMemory* memory = nullptr, std::optional<MeshChanges> changes = std::nullopt);
 
 }  // namespace isoskin
