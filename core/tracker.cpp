@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "core/field/skeleton_field.h"
 #include "core/frame_step.h"
 #include "core/mechanics/motion.h"
 #include "core/mesh/folds.h"
@@ -204,12 +205,12 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
   // What sleeps whole is as it was predicted.
   const bool moves = may_have_flaps && !is_asleep(sleeping(mesh_.vertices, options_.sleep));
-  TriangleMesh predicted = moves ? mesh_ : TriangleMesh{};
+  if (moves) predicted_ = mesh_;
   relax(report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
   if (may_have_flaps && !evidence.certificate.passed)
-    fold_in_flaps(moves ? std::move(predicted) : mesh_, frame, evidence, report);
+    fold_in_flaps(moves ? predicted_ : mesh_, frame, evidence, report);
   handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
@@ -256,6 +257,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
 void Tracker::wake_up(const FieldFrame& frame) {
   if (!started_) return;
   changes_ = changes_between(*last_field_, *frame.field);
+  const auto *before = dynamic_cast<const SkeletonField*>(last_field_.get()),
+             *now = dynamic_cast<const SkeletonField*>(frame.field.get());
+  if (before && now) now->follow_bounds(*before, ChangeMask(changes_, 0.0));
   const FieldChanges moves = frame.velocity ? FieldChanges{true, {}} : changes_;
   wake(mesh_.vertices, ChangeMask(moves, options_.sleep.margin * options_.edge_length));
 }

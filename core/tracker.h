@@ -219,7 +219,7 @@ private:
   bool started_ = false;
   bool goes_on_ = false;            // this frame's lattice was made from the last one's
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
-  TriangleMesh mesh_;
+  TriangleMesh mesh_, predicted_;   // the other: as it was before it was relaxed
   std::vector<Vec3> normals_;
   ShapeSums shape_;  // of the mechanical mesh
   GeometricSkin geometric_;

@@ -4,10 +4,13 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <mutex>
 #include <string>
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+
+#include "core/field/field_changes.h"
 
 namespace isoskin {
 namespace {
@@ -215,25 +218,54 @@ double reach(const Field& field, int axis, int side, double from, double size) {
   return from + side * outside;
 }
 
-// Branch and bound: the coordinate farthest to `side` of `axis` of the cells of `box` that may hold surface. `best` is
-// what has been found so far; cells that cannot beat it are passed over, which only saves time. Parallel.
-void farthest(const Field& field, const Box& box, int axis, int side, int depth, std::atomic<double>& best) {
-  const double end = side * (side > 0 ? box.high : box.low)[axis];
-  if (end <= best || !may_be_zero(field.range(box))) return;
-  if (depth == 0) {
-    for (double seen = best; end > seen && !best.compare_exchange_weak(seen, end);) {
+/// Branch and bound: the coordinate farthest to `side` of `axis` of the cells of a box that may hold surface, times
+/// `side`. Cells that cannot beat what has been found so far are passed over, which only saves time. Parallel.
+class FarthestCell {
+public:
+  /// `only`: cells elsewhere are known not to beat start_at()'s.
+  FarthestCell(const Field& field, int axis, int side, const ChangeMask* only = nullptr)
+      : field_(field), axis_(axis), side_(side), only_(only) {}
+
+  void start_at(const Box& cell) { take(cell, end_of(cell)); }
+
+  void search(const Box& box, int depth) {
+    const double end = end_of(box);
+    if (end <= end_ || (only_ && !only_->overlaps(box)) || !may_be_zero(field_.range(box))) return;
+    if (depth == 0) return take(box, end);
+    const DVec3 c = box.center();
+    for (const bool far_half : {true, false}) {
+      tbb::parallel_for(0, 4, [&](int quarter) {
+        Box child = box;
+        const bool up[3] = {far_half == (side_ > 0), (quarter & 1) != 0, (quarter & 2) != 0};
+        for (int i = 0; i < 3; ++i) (up[i] ? child.low : child.high)[(axis_ + i) % 3] = c[(axis_ + i) % 3];
+        search(child, depth - 1);
+      });
     }
-    return;
   }
-  const DVec3 c = box.center();
-  for (const bool far_half : {true, false}) {
-    tbb::parallel_for(0, 4, [&](int quarter) {
-      Box child = box;
-      const bool up[3] = {far_half == (side > 0), (quarter & 1) != 0, (quarter & 2) != 0};
-      for (int i = 0; i < 3; ++i) (up[i] ? child.low : child.high)[(axis + i) % 3] = c[(axis + i) % 3];
-      farthest(field, child, axis, side, depth - 1, best);
-    });
+
+  double end() const { return end_; }  // minus infinity: there is none
+  const Box& cell() const { return cell_; }
+
+private:
+  double end_of(const Box& box) const { return side_ * (side_ > 0 ? box.high : box.low)[axis_]; }
+
+  void take(const Box& cell, double end) {
+    const std::lock_guard lock(guard_);
+    if (end <= end_) return;
+    end_ = end;
+    cell_ = cell;
   }
+
+  const Field& field_;
+  const int axis_, side_;
+  const ChangeMask* only_;
+  std::mutex guard_;
+  std::atomic<double> end_{-kInfinity};
+  Box cell_;
+};
+
+bool same(const Box& a, const Box& b) {
+  return a.low == b.low && a.high == b.high;
 }
 
 }  // namespace
@@ -309,7 +341,13 @@ Interval SkeletonField::range(const Box& box) const {
   return {sum.low - rounding * low_size, sum.high + rounding * high_size};
 }
 
-Box SkeletonField::find_bounds() const {
+void SkeletonField::follow_bounds(const SkeletonField& before, const ChangeMask& changed) const {
+  if (changed.everywhere()) return;
+  before.bounds();
+  std::call_once(bounds_->once, [&] { bounds_->box = find_bounds(before.bounds_.get(), &changed); });
+}
+
+Box SkeletonField::find_bounds(const Bounds* before, const ChangeMask* changed) const {
   Box core, support;
   bool compact = true;
   for (const SkeletonElement& e : elements_) {
@@ -332,11 +370,16 @@ Box SkeletonField::find_bounds() const {
   constexpr int kDepth = 6;  // the box is tight to within 1/64 of the first guess
   for (int axis = 0; axis < 3; ++axis) {
     for (const int side : {-1, 1}) {
-      std::atomic<double> best = -kInfinity;
+      const BoundsSide* const was =
+          before && bounds_->side.size() < before->side.size() ? &before->side[bounds_->side.size()] : nullptr;
+      const bool goes_on = was && same(was->searched, box) && may_be_zero(range(was->cell));
+      FarthestCell farthest(*this, axis, side, goes_on ? changed : nullptr);
+      if (goes_on) farthest.start_at(was->cell);
       // No thread may take up a task meanwhile that asks for these bounds.
-      tbb::this_task_arena::isolate([&] { farthest(*this, box, axis, side, kDepth, best); });
-      if (best == -kInfinity) return {};
-      (side > 0 ? box.high : box.low)[axis] = side * best;
+      tbb::this_task_arena::isolate([&] { farthest.search(box, kDepth); });
+      if (farthest.end() == -kInfinity) return {};
+      bounds_->side.push_back({box, farthest.cell()});
+      (side > 0 ? box.high : box.low)[axis] = side * farthest.end();
     }
   }
   return box;

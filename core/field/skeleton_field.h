@@ -11,6 +11,8 @@
 
 namespace isoskin {
 
+class ChangeMask;
+
 class SkeletonField final : public Field {
 public:
   /// Throws InputError as check() does for each element, and for an iso that is not finite.
@@ -29,6 +31,9 @@ public:
     std::call_once(bounds_->once, [&] { bounds_->box = find_bounds(); });
     return bounds_->box;
   }
+  /// Makes bounds() cost what changes: from those of a field that is the same out of `changed`. The bounds are the
+  /// same.
+  void follow_bounds(const SkeletonField& before, const ChangeMask& changed) const;
   /// Every potential falls with distance, and distances over a box are bounded exactly for points and Euclidean
   /// segments, closely for the others.
   Interval range(const Box& box) const override;
@@ -46,12 +51,17 @@ public:
   DVec3 origin() const;
 
 private:
-  Box find_bounds() const;
-
+  /// Where a box was searched for the surface's end on one side, and a cell that may hold it.
+  struct BoundsSide {
+    Box searched, cell;
+  };
   struct Bounds {
     std::once_flag once;
     Box box;
+    std::vector<BoundsSide> side;  // in the order in which they were searched
   };
+  Box find_bounds(const Bounds* before = nullptr, const ChangeMask* changed = nullptr) const;
+
   std::shared_ptr<Bounds> bounds_ = std::make_shared<Bounds>();  // found when first asked for; copies have the same
   std::vector<SkeletonElement> elements_;
   std::vector<Box> support_;           // of each element

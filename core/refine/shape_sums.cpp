@@ -1,8 +1,11 @@
 #include "core/refine/shape_sums.h"
 
+#include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 
-#include "core/parallel.h"
+#include <tbb/parallel_for.h>
 
 namespace isoskin {
 namespace {
@@ -16,13 +19,15 @@ void add_to(std::int64_t& sum, std::int64_t value) {
 }  // namespace
 
 ShapeSums::ShapeSums(const TriangleMesh& mesh, double unit) : unit_(unit) {
-  for_each_index(mesh.triangle_count(), [&](std::size_t t) { add(mesh.vertex, mesh.vertices.position, Index(t), 1); });
+  add(
+      mesh.vertex, mesh.vertices.position, mesh.triangle_count(), [](std::size_t i) { return Index(i); }, 1);
 }
 
 void ShapeSums::update(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes) {
-  for_each_index(changes.gone.size(), [&](std::size_t i) { add(before.vertex, before.position, changes.gone[i], -1); });
-  for_each_index(changes.fresh.size(),
-                 [&](std::size_t i) { add(mesh.vertex, mesh.vertices.position, changes.fresh[i], 1); });
+  add(
+      before.vertex, before.position, changes.gone.size(), [&](std::size_t i) { return changes.gone[i]; }, -1);
+  add(
+      mesh.vertex, mesh.vertices.position, changes.fresh.size(), [&](std::size_t i) { return changes.fresh[i]; }, 1);
 }
 
 ShapeStatistics ShapeSums::statistics() const {
@@ -36,17 +41,31 @@ ShapeStatistics ShapeSums::statistics() const {
   return tally_.statistics({all});
 }
 
-void ShapeSums::add(const std::vector<Index>& vertex, const std::vector<Vec3>& position, Index t, int times) {
-  const auto corners = [&](Index of) -> std::array<Vec3, 3> {
-    const Index* const corner = &vertex[3 * std::size_t{of}];
-    return {position[corner[0]], position[corner[1]], position[corner[2]]};
-  };
-  const ShapeTally::Part one = tally_.count(t, t + 1, corners, times);
-  add_to(angles_, times * std::llround(one.angles * kOne));
-  add_to(edges_, times * std::llround(one.edges / unit_ * kOne));
-  add_to(area_, times * std::llround(one.area / (unit_ * unit_) * kOne));
-  add_to(below_10_, times * std::int64_t(one.below_10));
-  add_to(triangles_, times);
+template <class Triangle>
+void ShapeSums::add(const std::vector<Index>& vertex, const std::vector<Vec3>& position, std::size_t count,
+                    const Triangle& triangle, int times) {
+  constexpr std::size_t kBlock = 1024;  // summed by one thread: all adding to one place wait for each other
+  tbb::parallel_for(std::size_t(0), (count + kBlock - 1) / kBlock, [&](std::size_t block) {
+    std::int64_t angles = 0, edges = 0, area = 0, below_10 = 0, triangles = 0;
+    for (std::size_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
+      const Index t = triangle(i);
+      const auto corners = [&](Index of) -> std::array<Vec3, 3> {
+        const Index* const corner = &vertex[3 * std::size_t{of}];
+        return {position[corner[0]], position[corner[1]], position[corner[2]]};
+      };
+      const ShapeTally::Part one = tally_.count(t, t + 1, corners, times);
+      angles += times * std::llround(one.angles * kOne);
+      edges += times * std::llround(one.edges / unit_ * kOne);
+      area += times * std::llround(one.area / (unit_ * unit_) * kOne);
+      below_10 += times * std::int64_t(one.below_10);
+      triangles += times;
+    }
+    add_to(angles_, angles);
+    add_to(edges_, edges);
+    add_to(area_, area);
+    add_to(below_10_, below_10);
+    add_to(triangles_, triangles);
+  });
 }
 
 }  // namespace isoskin

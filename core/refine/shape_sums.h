@@ -21,7 +21,10 @@ public:
   ShapeStatistics statistics() const;
 
 private:
-  void add(const std::vector<Index>& vertex, const std::vector<Vec3>& position, Index t, int times);
+  /// Counts triangle(i) for every i < count, `times` (1 or -1) times.
+  template <class Triangle>
+  void add(const std::vector<Index>& vertex, const std::vector<Vec3>& position, std::size_t count,
+           const Triangle& triangle, int times);
 
   ShapeTally tally_;
   double unit_ = 1.0;

@@ -1,7 +1,10 @@
 #include "core/sampling/brick_lattice.h"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
+
+#include "core/parallel.h"
 
 namespace isoskin {
 namespace {
@@ -58,13 +61,13 @@ const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis)
 
 std::vector<std::uint8_t> with_neighbours(const BrickLattice& lattice, const std::vector<std::uint8_t>& bricks) {
   std::vector<std::uint8_t> all = bricks;
-  for (std::size_t b = 0; b < bricks.size(); ++b) {
-    if (!bricks[b]) continue;
+  for_each_index(bricks.size(), [&](std::size_t b) {
+    if (!bricks[b]) return;
     for (int i = 0; i < 27; ++i) {
       const Index other = lattice.find(lattice.coordinate[b] + IVec3(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
-      if (other != kNone) all[other] = 1;
+      if (other != kNone) std::atomic_ref(all[other]).store(1, std::memory_order_relaxed);
     }
-  }
+  });
   return all;
 }
 

@@ -21,7 +21,8 @@ namespace {
 
 constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
-constexpr int kFraction = 20;                   // bits after the point of a rounded coordinate
+constexpr int kFraction = 20;  // bits after the point of a rounded coordinate
+constexpr double kCorner = 1 << kFraction;
 constexpr double kFarthest = 1 << 23;           // lattice corners
 constexpr std::int64_t kShortSpan = 1ll << 30;  // products of spans below this fit 64 bits
 constexpr std::size_t kChunk = 2048;            // triangles
@@ -47,9 +48,16 @@ DVec3 in_lattice(const BrickLattice& lattice, const Vec3& position, std::size_t 
   return q;
 }
 
+/// std::llround(), which takes a call.
+std::int64_t round_half_away(double x) {
+  const std::int64_t towards_zero = static_cast<std::int64_t>(x);
+  const double rest = x - static_cast<double>(towards_zero);
+  return towards_zero + (rest >= 0.5) - (rest <= -0.5);
+}
+
 Rounded round_vertex(const BrickLattice& lattice, const Vec3& position, std::size_t v) {
   const DVec3 q = in_lattice(lattice, position, v);
-  return {std::llround(std::ldexp(q.x, kFraction)), std::llround(std::ldexp(q.y, kFraction)), q.z};
+  return {round_half_away(kCorner * q.x), round_half_away(kCorner * q.y), q.z};
 }
 
 std::vector<Rounded> round_vertices(const TriangleMesh& mesh, const BrickLattice& lattice) {
