@@ -42,7 +42,7 @@ Json to_json(const FrameReport& report, const Box& bounds) {
           {"certificate", report.certificate},
           {"inverted", report.inverted},
           {"quasi_critical", report.quasi_critical},
-          {"self_intersections", or_null(report.geometric_intersections)},
+          {"self_intersections", report.geometric_intersections},
           {"mechanical_self_intersections", or_null(report.mechanical_intersections)},
           {"angles", angles(report.mechanical)},
           {"geometric_angles", angles(report.geometric)},

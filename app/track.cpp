@@ -201,7 +201,7 @@ void add_track(CLI::App& app, Action& action) {
   command->add_flag("--resume", o->resume, "Go on with a run that was stopped");
   command->add_flag("--validate", o->validate, "Check both meshes after every frame");
   command->add_flag("--self-intersections", o->self_intersections,
-                    "Count the pairs of triangles that overlap, in both meshes (6 to 55 % of a frame)");
+                    "Count the pairs of triangles that overlap in the mechanical mesh too");
   command->add_option("--trace", o->trace, "Write a Chrome trace of host steps and kernels");
   command->add_flag("--json", o->json, "Print the report's lines on standard output");
   command->add_flag("--quiet", o->quiet, "No progress, no summary");

@@ -225,9 +225,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     geometric_.update(mesh_, *frame.field, goes_on ? &changes_ : nullptr, evidence.lattice, evidence.topology,
                       *backend_, {options_.refine, options_.project, options_.edge_length, certify_options()});
   }
+  report.geometric_intersections = geometric_.self_intersections();
   if (options_.self_intersections) {
     Step step(report, "intersect");
-    report.geometric_intersections = count_self_intersections(geometric().mesh);
     report.mechanical_intersections = count_self_intersections(mesh_);
   }
   const IdSet after(mesh_.vertices.id);

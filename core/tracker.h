@@ -51,7 +51,7 @@ struct TrackOptions {
   int rounds = 2;                 // alter + relax rounds of a frame
   int most_parts = 8;             // parts a frame is cut in where topology events are too near to each other
   Topology topology = Topology::automatic;
-  bool self_intersections = false;  // count them in both meshes: 6 % of a fluid's frame, half of some others'
+  bool self_intersections = false;  // count the mechanical mesh's too
   bool validate = false;            // check the manifold after every frame (always on in debug builds)
   AlterOptions alter;               // edge_length and dt are filled in by resolved() and advance()
   RelaxOptions relax;               // of fresh skin; edge_length is filled in
@@ -117,8 +117,9 @@ struct FrameReport {
   std::string certificate;  // one line, of the mesh before repairs
   ShapeStatistics mechanical, geometric;
   std::size_t inverted = 0, quasi_critical = 0;  // mechanical triangles and vertices at the end of the frame
-  // Overlapping pairs of triangles without a common vertex in either mesh, when options.self_intersections.
-  std::optional<std::size_t> geometric_intersections, mechanical_intersections;
+  // Overlapping pairs of triangles without a common vertex; of the mechanical mesh when options.self_intersections.
+  std::size_t geometric_intersections = 0;
+  std::optional<std::size_t> mechanical_intersections;
   std::vector<std::pair<std::string, double>> ms;  // one entry a step of design 3, in order
 };
 

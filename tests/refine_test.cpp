@@ -14,6 +14,7 @@
 #include "core/mesh/validate.h"
 #include "core/refine/refined_skin.h"
 #include "core/refine/split_pattern.h"
+#include "core/topology/triangle_pairs.h"
 #include "core/tracker.h"
 #include "tests/analytic_fields.h"
 #include "tests/sanitized.h"
@@ -475,7 +476,7 @@ std::vector<SkeletonElement> necklace(int count, double circle = 1.0) {
 }  // namespace
 
 TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
-  constexpr int kBalls = 16, kFrames = test::repeats(12, 6);
+  constexpr int kBalls = 16, kFrames = test::repeats(9, 4);
   const std::unique_ptr<Backend> backend = make_reference_backend();
   std::vector<SkeletonElement> balls = necklace(kBalls);
   auto field = std::make_shared<const SkeletonField>(balls, 0.4);
@@ -490,7 +491,7 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
   std::mt19937 random(5);
   const auto any = [&](std::size_t count) { return std::uniform_int_distribution<std::size_t>(0, count - 1)(random); };
   const auto within = [&](float most) { return std::uniform_real_distribution<float>(-most, most)(random); };
-  std::size_t refined = 0, all = 0, strays = 0, altered = 0;
+  std::size_t refined = 0, all = 0, strays = 0, crossings = 0, altered = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
     SCOPED_TRACE(frame);
     const std::shared_ptr<const SkeletonField> before = field;
@@ -527,6 +528,9 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
     if (frame % 4 == 3) expect_same_bytes(seldom_asked.mesh(), whole.mesh());
     if (frame == 0) expect_same_bytes(local.mesh(), refine(skin, *backend, how.refine, how.project));
     EXPECT_TRUE(same_bytes(local.strays(), whole.strays()));
+    EXPECT_EQ(local.crossings(), whole.crossings());
+    if (frame == 2) EXPECT_EQ(whole.crossings().size(), count_self_intersections(whole.mesh().mesh));
+    crossings += whole.crossings().size();
     EXPECT_EQ(whole.refined_triangles(), skin.triangle_count());
     strays += whole.strays().size();
     refined += local.refined_triangles();
@@ -535,6 +539,7 @@ TEST(RefinedSkin, WhatChangesHereAndThereComesOutAsIfAllWereRefined) {
   }
   EXPECT_LT(refined, all / 2);
   EXPECT_GT(strays, 0u);
+  EXPECT_GT(crossings, 0u);
   EXPECT_GT(altered, 10u);
 }
 

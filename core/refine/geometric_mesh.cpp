@@ -5,6 +5,8 @@
 #include <optional>
 
 #include "core/refine/place_filling.h"
+#include "core/refine/untangle.h"
+#include "core/topology/triangle_pairs.h"
 #include "core/trace.h"
 
 namespace isoskin {
@@ -53,6 +55,30 @@ public:
       ++report_.fillings;
       const FieldChanges none;
       refine(&none);
+    }
+  }
+
+  /// Smooths what is folded until no triangles overlap or it does not help any more.
+  void untangle() {
+    const Span span("untangle");
+    const FieldChanges none;
+    if (skin_) {
+      mend_seams(*skin_, mechanical_.next_id, lattice_.spacing, backend_, options_.project);
+      refine(&none);
+    }
+    constexpr int kSizes = 3;  // each tried in turn on parts of other sizes
+    for (int round = 0, in_vain = 0; round < options_.untanglings && in_vain < kSizes; ++round) {
+      const std::vector<Crossing> crossings = kept_.refined_.crossings();
+      if (crossings.empty()) return;
+      if (!skin_) skin_ = mechanical_;
+      UntangleOptions how;
+      how.rings += round % kSizes;
+      const Tangles tangles(*skin_, {crossings, kept_.wrong_.farther_than(tolerance_)}, how);
+      tangles.smooth(*skin_, backend_, options_.project);
+      refine(&none);
+      const Faults left{kept_.refined_.crossings(), kept_.wrong_.farther_than(tolerance_)};
+      if (tangles.take_back(*skin_, left, options_.edge_length)) refine(&none);
+      in_vain = kept_.refined_.crossings().size() < crossings.size() ? 0 : in_vain + 1;
     }
   }
 
@@ -123,9 +149,16 @@ void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, c
                            const GeometricOptions& options, GeometricReport* report) {
   Making making(*this, mechanical, field, lattice, topology, backend, options);
   making.refine(changes);
-  if (options.refine.passes > 0) making.fill();
+  if (options.refine.passes > 0) {
+    making.fill();
+    making.untangle();
+  }
   making.take_back();
   if (report) making.report(*report);
+}
+
+std::size_t GeometricSkin::self_intersections() const {
+  return refined_.is_flattened() ? count_self_intersections(mesh().mesh) : refined_.crossings().size();
 }
 
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,

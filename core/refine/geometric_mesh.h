@@ -23,6 +23,7 @@ struct GeometricOptions {
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
   // Times this is done, each after the first only where the one before left places out; 0: never.
   int fillings = 3;
+  int untanglings = 8;  // times folds are smoothed, at most
 };
 
 struct GeometricReport {
@@ -34,7 +35,8 @@ struct GeometricReport {
 /// The geometric mesh of a certified mechanical mesh, frame after frame. A tip or rim that has grown out of the refined
 /// mesh, a thread that it cuts short and a sheet that it has folded into cannot be subdivided right: there a copy of
 /// the mechanical mesh is emptied and filled with the lattice's surface where that keeps the certificate (see
-/// fill_places), and the copy refined instead. Where refined vertices put a lattice corner beyond the
+/// fill_places), and the copy refined instead. Where refined triangles overlap, the copy's vertices are smoothed along
+/// the surface, seams of what was filled first (see untangle.h). Where refined vertices put a lattice corner beyond the
 /// tolerance on the wrong side, they go back onto the mesh they were refined from: nearby, then farther away, at last
 /// everywhere. Deterministic: no frame depends on those before it, but what they have in common is not made again.
 class GeometricSkin {
@@ -48,6 +50,8 @@ public:
   /// Put in order when asked for, see RefinedSkin::mesh().
   const GeometricMesh& mesh() const { return refined_.mesh(); }
   std::size_t triangle_count() const { return refined_.triangle_count(); }
+  /// Pairs of triangles of mesh() that overlap and have no vertex in common.
+  std::size_t self_intersections() const;
   ShapeStatistics statistics() const { return refined_.statistics(); }
   /// Triangles of the mechanical mesh (or of its copies) that the last update() refined.
   std::size_t refined_triangles() const { return refined_triangles_; }

@@ -348,6 +348,7 @@ private:
     });
     for (const Index t : triangle_)
       if (core(t)) last_.changed_->push_back(last_.bounds_[t].box());
+    list_crossings();
     last_.ordered_ = same_order && in_one_piece(last_.child_, 0, last_.geometric_.parent_triangle.size()) &&
                      in_one_piece(last_.fresh_, last_.corner_.size(), last_.birth_.size());
     last_.refined_triangles_ = triangle_.size();
@@ -472,6 +473,26 @@ private:
     last_.stray_ = std::move(all);
   }
 
+  void list_crossings() {
+    std::vector<Crossing> kept, all;
+    for (Crossing crossing : last_.crossing_) {
+      crossing.a = new_triangle_[crossing.a];
+      crossing.b = new_triangle_[crossing.b];
+      if (crossing.a == kNone || crossing.b == kNone || core(crossing.a) || core(crossing.b)) continue;
+      if (crossing.a > crossing.b) {
+        std::swap(crossing.a, crossing.b);
+        std::swap(crossing.child_a, crossing.child_b);
+      }
+      kept.push_back(crossing);
+    }
+    std::sort(kept.begin(), kept.end());
+    std::vector<std::uint8_t> fresh(skin_.triangle_count());
+    for (const Index t : triangle_) fresh[t] = core(t);
+    const std::vector<Crossing> found = last_.find_crossings(skin_, fresh);
+    std::merge(kept.begin(), kept.end(), found.begin(), found.end(), std::back_inserter(all));
+    last_.crossing_ = std::move(all);
+  }
+
   static constexpr std::uint8_t kFar = 255;
 
   RefinedSkin& last_;
@@ -546,6 +567,7 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   triangles_ = geometric_.mesh.triangle_count();
   bounds_.resize(skin.triangle_count());
   for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = bounds(Index(t)); });
+  crossing_ = find_crossings(skin, std::vector<std::uint8_t>(skin.triangle_count(), 1));
   free_children_ = free_vertices_ = {};
   shape_.clear();
   without_normal_.clear();

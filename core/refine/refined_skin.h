@@ -25,6 +25,13 @@ struct RefinedSkinOptions {
 /// inside thin sheets; other values are no lengths.
 double distance_estimate(double value, double slope, double voxel);
 
+/// Two triangles of a refined skin that overlap and have no vertex in common: triangles of the skin, a <= b, and which
+/// of their children.
+struct Crossing {
+  Index a = kNone, child_a = kNone, b = kNone, child_b = kNone;
+  auto operator<=>(const Crossing&) const = default;
+};
+
 /// Refines a skin again and again. A triangle's children depend on the field and on the triangles within a few steps of
 /// it: those that are what they were, with the field that was about them, keep their children, bit for bit. About what
 /// has changed some rings are refined with it; where the outermost of these come out as they were, all beyond does too,
@@ -47,6 +54,8 @@ public:
   TriangleMesh triangles_where(const Reaches& reaches) const;
   /// Centroids of `mesh` off the surface, in order of triangles.
   std::vector<Vec3> strays() const;
+  /// Self-intersections of `mesh` as it was refined, ascending.
+  const std::vector<Crossing>& crossings() const { return crossing_; }
   /// Where the last update() changed the mesh; none: anywhere.
   const std::optional<std::vector<Box>>& changed() const { return changed_; }
   /// Triangles of the skin that the last update() refined.
@@ -54,6 +63,8 @@ public:
 
   /// Moves the refined vertices near bad points (see flatten) until the next update().
   void flatten(const std::vector<Vec3>& bad, float radius);
+  /// Whether flatten() has moved anything since then.
+  bool is_flattened() const { return !lifted_.empty(); }
 
 private:
   class Update;
@@ -63,6 +74,8 @@ private:
   };
   struct Bounds {
     Vec3 low{std::numeric_limits<float>::infinity()}, high{-std::numeric_limits<float>::infinity()};
+    Vec3 axis{0.0f};      // about which the normals lie, unit; zero where they lie anywhere
+    float spread = 0.0f;  // the largest angle from it to one of them
     Box box() const { return {DVec3(low), DVec3(high)}; }
   };
 
@@ -74,6 +87,8 @@ private:
   const Vec3& position(Index row) const { return geometric_.mesh.vertices.position[row]; }
   std::array<Vec3, 3> corners(Index child) const;
   Bounds bounds(Index triangle) const;
+  std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
+  std::vector<std::uint8_t> plain_vertices(const TriangleMesh& skin) const;
   void count(Index triangle, int times) const;
   void put_in_order() const;
   void carry_attributes() const;
@@ -96,7 +111,8 @@ private:
   std::vector<Bounds> bounds_;  // per triangle of the skin: of its children
   std::size_t triangles_ = 0;   // of mesh()
   std::vector<Stray> stray_;    // in order
-  std::vector<Vec3> lifted_;    // positions before they were flattened, empty when they were not
+  std::vector<Crossing> crossing_;
+  std::vector<Vec3> lifted_;  // positions before they were flattened, empty when they were not
   std::optional<std::vector<Box>> changed_;
   std::size_t refined_triangles_ = 0;
 };

@@ -101,17 +101,6 @@ std::array<Vec3, 3> RefinedSkin::corners(Index child) const {
   return {position(v[0]), position(v[1]), position(v[2])};
 }
 
-RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
-  Bounds bounds;
-  const Rows child = child_[triangle];
-  for (Index h = 3 * child.first; h < 3 * (child.first + child.count); ++h) {
-    const Vec3& p = position(geometric_.mesh.vertex[h]);
-    bounds.low = glm::min(bounds.low, p);
-    bounds.high = glm::max(bounds.high, p);
-  }
-  return bounds;
-}
-
 void RefinedSkin::count(Index triangle, int times) const {
   if (shape_.empty() || (times < 0 && shape_[triangle].triangles == 0)) return;
   const Rows child = child_[triangle];

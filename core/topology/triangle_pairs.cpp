@@ -86,16 +86,12 @@ struct Grid {
   }
 };
 
-struct FlatBox {
-  Vec3 low, high;
-};
-
 FlatBox box_of(const TriangleMesh& mesh, Index t) {
   const auto [a, b, c] = corners_of(mesh, t);
   return {glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c)};
 }
 
-Grid make_grid(const TriangleMesh& mesh, const std::vector<FlatBox>& box, double margin) {
+Grid make_grid(const std::vector<FlatBox>& box, double margin) {
   constexpr double kTrianglesAcross = 2.0, kMostCells = double(1 << 20);  // along an axis
   Box all;
   double extent = 0.0;  // a plain loop: the sum's order is fixed
@@ -110,7 +106,7 @@ Grid make_grid(const TriangleMesh& mesh, const std::vector<FlatBox>& box, double
   const DVec3 size = all.size() + 2.0 * margin;
   grid.width = std::max({kTrianglesAcross * extent + margin, std::max({size.x, size.y, size.z}) / kMostCells,
                          double(std::numeric_limits<float>::min())});
-  grid.range.resize(mesh.triangle_count());
+  grid.range.resize(box.size());
   for_each_index(box.size(), [&](std::size_t t) { grid.range[t] = grid.cells(box[t].low, box[t].high, 0.5 * margin); });
   return grid;
 }
@@ -180,12 +176,10 @@ bool triangles_overlap(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& 
   return edges_meet(a, b) || edges_meet(b, a);
 }
 
-std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
+std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& box, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
                                      PairStatistics* statistics) {
-  std::vector<FlatBox> box(mesh.triangle_count());
-  for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(mesh, Index(t)); });
-  const Grid grid = make_grid(mesh, box, margin);
+  const Grid grid = make_grid(box, margin);
   const CellTable table(grid);
 
   struct Found {
@@ -210,7 +204,7 @@ std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
                                 std::max(entries[i].triangle, entries[j].triangle)};
         // Of the cells both are listed in, one looks at them.
         const IVec3 home = glm::max(grid.range[pair.a].low, grid.range[pair.b].low);
-        if (entries[i].cell != key_of(home) || share_a_vertex(mesh, pair.a, pair.b)) continue;
+        if (entries[i].cell != key_of(home)) continue;
         ++own.candidates;
         if (wanted(pair)) own.pairs.push_back(pair);
       }
@@ -223,6 +217,22 @@ std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
   }
   std::sort(pairs.begin(), pairs.end());
   if (statistics) *statistics = sums;
+  return pairs;
+}
+
+std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
+                                     const std::function<bool(const TrianglePair&)>& wanted,
+                                     PairStatistics* statistics) {
+  std::vector<FlatBox> box(mesh.triangle_count());
+  for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(mesh, Index(t)); });
+  std::atomic<std::size_t> neighbours = 0;
+  const auto is_wanted = [&](const TrianglePair& pair) {
+    if (!share_a_vertex(mesh, pair.a, pair.b)) return wanted(pair);
+    if (statistics) ++neighbours;
+    return false;
+  };
+  const std::vector<TrianglePair> pairs = near_boxes(box, margin, is_wanted, statistics);
+  if (statistics) statistics->candidates -= neighbours;
   return pairs;
 }
 

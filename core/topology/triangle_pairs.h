@@ -26,6 +26,16 @@ struct PairStatistics {
   std::size_t candidates = 0;  // pairs whose boxes overlap and which share no vertex
 };
 
+/// Closed, axis-aligned.
+struct FlatBox {
+  Vec3 low, high;
+};
+
+/// The pairs of boxes, by their numbers, that overlap when grown as in near_pairs() and are `wanted`, ascending.
+std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& boxes, double margin,
+                                     const std::function<bool(const TrianglePair&)>& wanted,
+                                     PairStatistics* statistics = nullptr);
+
 /// The pairs without a common vertex whose bounding boxes, grown by `margin` / 2 to every side, overlap and that are
 /// `wanted`, ascending. A uniform grid of cells about as wide as two triangles, rebuilt on every call: time and memory
 /// grow with the triangles and the pairs found, as long as triangles have about one size. Parallel (`wanted` is called

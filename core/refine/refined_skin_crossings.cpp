@@ -1,0 +1,153 @@
+// Self-intersections of a refined skin: its triangles tell where to look, their children which.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include "core/mesh/one_ring.h"
+#include "core/parallel.h"
+#include "core/refine/refined_skin.h"
+#include "core/topology/triangle_pairs.h"
+#include "core/trace.h"
+
+namespace isoskin {
+namespace {
+
+// Normals nearer than this to a common axis: their triangles look down on it from one side, with room for rounding.
+constexpr float kOneSide = 1.4f;  // radians
+// Triangles about a vertex that all look to one side go round it once; twice would be near 4 pi.
+constexpr float kOnce = 3.0f * std::numbers::pi_v<float>;
+
+float angle_between(const Vec3& a, const Vec3& b) {
+  return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b));
+}
+
+bool overlap(const FlatBox& a, const FlatBox& b) {
+  return glm::all(glm::lessThanEqual(a.low, b.high)) && glm::all(glm::lessThanEqual(b.low, a.high));
+}
+
+FlatBox box_of(const std::array<Vec3, 3>& t) {
+  return {glm::min(glm::min(t[0], t[1]), t[2]), glm::max(glm::max(t[0], t[1]), t[2])};
+}
+
+}  // namespace
+
+RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
+  Bounds bounds;
+  const Rows child = child_[triangle];
+  const auto normal = [&](Index c) {
+    const auto [p, q, r] = corners(c);
+    return glm::cross(q - p, r - p);
+  };
+  Vec3 sum(0.0f);
+  for (Index c = child.first; c < child.first + child.count; ++c) {
+    for (const Vec3& p : corners(c)) {
+      bounds.low = glm::min(bounds.low, p);
+      bounds.high = glm::max(bounds.high, p);
+    }
+    sum += normal(c);
+  }
+  const float length = glm::length(sum);
+  if (!(length > 0.0f)) return bounds;
+  bounds.axis = sum / length;
+  for (Index c = child.first; c < child.first + child.count; ++c) {
+    const Vec3 n = normal(c);
+    if (n == Vec3(0.0f)) return bounds.axis = Vec3(0.0f), bounds;
+    bounds.spread = std::max(bounds.spread, angle_between(bounds.axis, n));
+  }
+  return bounds;
+}
+
+/// Vertices about which nothing can overlap: all triangles about one, refined, look to one side, and go round it once
+/// (after Volino and Magnenat-Thalmann 1994).
+std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin) const {
+  std::vector<std::uint8_t> plain(skin.vertex_count());
+  const std::vector<Index> outgoing = outgoing_halfedges(skin);
+  for_each_index(plain.size(), [&](std::size_t v) {
+    if (outgoing[v] == kNone) return;
+    Vec3 axis(0.0f);
+    float round = 0.0f;
+    for_each_leaving(skin, outgoing[v], [&](Index h) {
+      axis += bounds_[h / 3].axis;
+      const Vec3& p = skin.position(Index(v));
+      round += angle_between(skin.position(skin.to(h)) - p, skin.position(skin.from(TriangleMesh::prev(h))) - p);
+    });
+    bool looks = round < kOnce && glm::length(axis) > 0.0f;
+    for_each_leaving(skin, outgoing[v], [&](Index h) {
+      const Bounds& b = bounds_[h / 3];
+      looks = looks && b.axis != Vec3(0.0f) && angle_between(axis, b.axis) + b.spread < kOneSide;
+    });
+    plain[v] = looks;
+  });
+  return plain;
+}
+
+/// Those of the triangles that are fresh, with all others.
+std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
+                                                  const std::vector<std::uint8_t>& fresh) const {
+  const Span span("crossings");
+  if (std::find(fresh.begin(), fresh.end(), 1) == fresh.end()) return {};
+  const std::vector<std::uint8_t> plain = plain_vertices(skin);
+  const auto flat = [&](Index t) { return FlatBox{bounds_[t].low, bounds_[t].high}; };
+  const auto vertex = [&](Index c, int k) { return geometric_.mesh.vertex[3 * c + Index(k)]; };
+  const auto share = [&](Index c, Index d) {
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        if (vertex(c, i) == vertex(d, j)) return true;
+    return false;
+  };
+  const auto plain_about = [&](Index a, Index b) {
+    for (Index h = 3 * a; h < 3 * a + 3; ++h)
+      for (Index k = 3 * b; k < 3 * b + 3; ++k)
+        if (skin.vertex[h] == skin.vertex[k] && plain[skin.vertex[h]]) return true;
+    return false;
+  };
+  struct Child {
+    Index row;
+    std::array<Vec3, 3> corners;
+    FlatBox box;
+  };
+  struct Found {
+    std::vector<Crossing> crossings;
+    std::vector<Child> some, others;
+  };
+  const auto reaching = [&](Index t, const FlatBox& where, std::vector<Child>& out) {
+    out.clear();
+    for (Index c = child_[t].first; c < child_[t].first + child_[t].count; ++c) {
+      const std::array<Vec3, 3> p = corners(c);
+      const FlatBox box = box_of(p);
+      if (overlap(box, where)) out.push_back({c, p, box});
+    }
+  };
+  tbb::enumerable_thread_specific<Found> found;
+  const auto look = [&](Index a, Index b) {
+    Found& own = found.local();
+    reaching(a, flat(b), own.some);
+    if (own.some.empty()) return;
+    if (a != b) reaching(b, flat(a), own.others);
+    const std::vector<Child>& others = a == b ? own.some : own.others;
+    for (const Child& c : own.some)
+      for (const Child& d : others) {
+        if ((a == b && d.row <= c.row) || !overlap(c.box, d.box) || share(c.row, d.row)) continue;
+        if (triangles_overlap(c.corners, d.corners))
+          own.crossings.push_back({a, c.row - child_[a].first, b, d.row - child_[b].first});
+      }
+  };
+  for_each_index(fresh.size(), [&](std::size_t t) {
+    if (fresh[t] && child_[t].count > 1 && !plain_about(Index(t), Index(t))) look(Index(t), Index(t));
+  });
+  std::vector<FlatBox> boxes(fresh.size());
+  for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
+  near_boxes(boxes, 0.0, [&](const TrianglePair& pair) {
+    if ((fresh[pair.a] || fresh[pair.b]) && !plain_about(pair.a, pair.b)) look(pair.a, pair.b);
+    return false;
+  });
+  std::vector<Crossing> all;
+  for (const Found& own : found) all.insert(all.end(), own.crossings.begin(), own.crossings.end());
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+}  // namespace isoskin
