@@ -88,7 +88,7 @@ private:
   std::array<Vec3, 3> corners(Index child) const;
   Bounds bounds(Index triangle) const;
   std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
-  std::vector<std::uint8_t> plain_vertices(const TriangleMesh& skin) const;
+  std::vector<std::uint8_t> plain_vertices(const TriangleMesh& skin, const std::vector<Index>& some) const;
   void count(Index triangle, int times) const;
   void put_in_order() const;
   void carry_attributes() const;

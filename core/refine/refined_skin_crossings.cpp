@@ -1,11 +1,14 @@
 // Self-intersections of a refined skin: its triangles tell where to look, their children which.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include <tbb/enumerable_thread_specific.h>
 
+#include "core/mesh/independent_edits.h"
 #include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/refine/refined_skin.h"
@@ -30,6 +33,58 @@ bool overlap(const FlatBox& a, const FlatBox& b) {
 
 FlatBox box_of(const std::array<Vec3, 3>& t) {
   return {glm::min(glm::min(t[0], t[1]), t[2]), glm::max(glm::max(t[0], t[1]), t[2])};
+}
+
+/// Some cells of a grid, by hash: what is not marked has no box in it.
+class MarkedCells {
+public:
+  MarkedCells(const std::vector<FlatBox>& boxes, const std::vector<Index>& marking) {
+    constexpr std::size_t kCellsABox = 64;  // so that few others share a hash
+    float widest = std::numeric_limits<float>::min();
+    for (const Index t : marking) {
+      const Vec3 size = boxes[t].high - boxes[t].low;
+      widest = std::max({widest, size.x, size.y, size.z});
+    }
+    width_ = widest;
+    marked_.assign(std::bit_ceil(kCellsABox * (marking.size() + 1)), 0);
+    for (const Index t : marking)
+      any_cell(boxes[t], [&](std::uint8_t& cell) {
+        cell = 1;
+        return false;
+      });
+  }
+
+  bool reach(const FlatBox& box) {
+    return any_cell(box, [](std::uint8_t cell) { return cell != 0; });
+  }
+
+private:
+  template <class Test>
+  bool any_cell(const FlatBox& box, const Test& test) {
+    const DVec3 low = glm::floor(DVec3(box.low) / width_), high = glm::floor(DVec3(box.high) / width_);
+    for (double x = low.x; x <= high.x; ++x)
+      for (double y = low.y; y <= high.y; ++y)
+        for (double z = low.z; z <= high.z; ++z)
+          if (test(marked_[hash(x, y, z) & (marked_.size() - 1)])) return true;
+    return false;
+  }
+
+  static std::size_t hash(double x, double y, double z) {
+    const auto part = [](double c) { return std::uint64_t(std::int64_t(c)); };
+    const std::uint64_t mixed = (part(x) * 0x9e3779b97f4a7c15u ^ part(y)) * 0x9e3779b97f4a7c15u ^ part(z);
+    return std::size_t(mixed * 0x9e3779b97f4a7c15u >> 32);
+  }
+
+  double width_;
+  std::vector<std::uint8_t> marked_;
+};
+
+/// The boxes that may touch a fresh one, fresh ones too; ascending.
+std::vector<Index> near_fresh(const std::vector<FlatBox>& boxes, const std::vector<std::uint8_t>& fresh) {
+  const std::vector<Index> list = indices_where(fresh.size(), [&](Index t) { return fresh[t] != 0; });
+  const bool most = 2 * list.size() > fresh.size();
+  MarkedCells cells(boxes, most ? std::vector<Index>() : list);
+  return indices_where(boxes.size(), [&](Index t) { return most || fresh[t] || cells.reach(boxes[t]); });
 }
 
 }  // namespace
@@ -60,18 +115,19 @@ RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
   return bounds;
 }
 
-/// Vertices about which nothing can overlap: all triangles about one, refined, look to one side, and go round it once
-/// (after Volino and Magnenat-Thalmann 1994).
-std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin) const {
+/// Vertices of some triangles about which nothing can overlap: all triangles about one, refined, look to one side, and
+/// go round it once (after Volino and Magnenat-Thalmann 1994).
+std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, const std::vector<Index>& some) const {
   std::vector<std::uint8_t> plain(skin.vertex_count());
-  const std::vector<Index> outgoing = outgoing_halfedges(skin);
-  for_each_index(plain.size(), [&](std::size_t v) {
-    if (outgoing[v] == kNone) return;
+  std::vector<Index> outgoing(plain.size(), kNone);
+  for (const Index t : some)
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) outgoing[skin.from(h)] = h;
+  const auto is_plain = [&](Index v) {
     Vec3 axis(0.0f);
     float round = 0.0f;
     for_each_leaving(skin, outgoing[v], [&](Index h) {
       axis += bounds_[h / 3].axis;
-      const Vec3& p = skin.position(Index(v));
+      const Vec3& p = skin.position(v);
       round += angle_between(skin.position(skin.to(h)) - p, skin.position(skin.from(TriangleMesh::prev(h))) - p);
     });
     bool looks = round < kOnce && glm::length(axis) > 0.0f;
@@ -79,8 +135,9 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin) 
       const Bounds& b = bounds_[h / 3];
       looks = looks && b.axis != Vec3(0.0f) && angle_between(axis, b.axis) + b.spread < kOneSide;
     });
-    plain[v] = looks;
-  });
+    return looks;
+  };
+  for_each_index(plain.size(), [&](std::size_t v) { plain[v] = outgoing[v] != kNone && is_plain(Index(v)); });
   return plain;
 }
 
@@ -89,8 +146,11 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
                                                   const std::vector<std::uint8_t>& fresh) const {
   const Span span("crossings");
   if (std::find(fresh.begin(), fresh.end(), 1) == fresh.end()) return {};
-  const std::vector<std::uint8_t> plain = plain_vertices(skin);
   const auto flat = [&](Index t) { return FlatBox{bounds_[t].low, bounds_[t].high}; };
+  std::vector<FlatBox> boxes(fresh.size());
+  for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
+  const std::vector<Index> some = near_fresh(boxes, fresh);
+  const std::vector<std::uint8_t> plain = plain_vertices(skin, some);
   const auto vertex = [&](Index c, int k) { return geometric_.mesh.vertex[3 * c + Index(k)]; };
   const auto share = [&](Index c, Index d) {
     for (int i = 0; i < 3; ++i)
@@ -138,10 +198,11 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   for_each_index(fresh.size(), [&](std::size_t t) {
     if (fresh[t] && child_[t].count > 1 && !plain_about(Index(t), Index(t))) look(Index(t), Index(t));
   });
-  std::vector<FlatBox> boxes(fresh.size());
-  for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
+  for (std::size_t i = 0; i < some.size(); ++i) boxes[i] = boxes[some[i]];  // ascending
+  boxes.resize(some.size());
   near_boxes(boxes, 0.0, [&](const TrianglePair& pair) {
-    if ((fresh[pair.a] || fresh[pair.b]) && !plain_about(pair.a, pair.b)) look(pair.a, pair.b);
+    const Index a = some[pair.a], b = some[pair.b];
+    if ((fresh[a] || fresh[b]) && !plain_about(a, b)) look(a, b);
     return false;
   });
   std::vector<Crossing> all;

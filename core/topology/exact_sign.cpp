@@ -1,35 +1,53 @@
 #include "core/topology/exact_sign.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include <boost/multiprecision/cpp_int.hpp>
 
 namespace isoskin {
 namespace {
 
-using Rational = boost::multiprecision::cpp_rational;
+// Wide enough for three factors of differences of any floats of one scale; as long as its value needs.
+using Integer = boost::multiprecision::number<boost::multiprecision::cpp_int_backend<
+    1024, 1024, boost::multiprecision::signed_magnitude, boost::multiprecision::unchecked, void>>;
 
 constexpr double kEpsilon = 0x1p-53;
 constexpr double kBound2 = (3.0 + 16.0 * kEpsilon) * kEpsilon;  // of the sums of the terms' magnitudes
 constexpr double kBound3 = (7.0 + 56.0 * kEpsilon) * kEpsilon;
 
-int sign(const Rational& x) {
-  return x.sign();
-}
+constexpr int kMantissa = 24;  // bits of a float
 
-Rational difference(float x, float y) {
-  return Rational(x) - Rational(y);
+/// A coordinate of some points as integers, in units of a power of two they share.
+template <std::size_t n>
+std::array<Integer, n> whole(const std::array<float, n>& x) {
+  std::array<int, n> mantissa, exponent;
+  int unit = std::numeric_limits<int>::max();
+  for (std::size_t i = 0; i < n; ++i) {
+    mantissa[i] = int(std::ldexp(std::frexp(x[i], &exponent[i]), kMantissa));
+    if (mantissa[i] != 0) unit = std::min(unit, exponent[i]);
+  }
+  std::array<Integer, n> out;
+  for (std::size_t i = 0; i < n; ++i)
+    if (mantissa[i] != 0) out[i] = Integer(mantissa[i]) << (exponent[i] - unit);
+  return out;
 }
 
 int exact(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-  Rational m[3][3];
+  Integer m[3][3];
   for (int k = 0; k < 3; ++k) {
-    m[0][k] = difference(a[k], d[k]);
-    m[1][k] = difference(b[k], d[k]);
-    m[2][k] = difference(c[k], d[k]);
+    const auto x = whole<4>({a[k], b[k], c[k], d[k]});
+    for (int i = 0; i < 3; ++i) m[i][k] = x[i] - x[3];
   }
-  const auto minor = [&](int i, int j) -> Rational { return m[i][0] * m[j][1] - m[j][0] * m[i][1]; };
-  return sign(minor(1, 2) * m[0][2] + minor(2, 0) * m[1][2] + minor(0, 1) * m[2][2]);
+  const auto minor = [&](int i, int j) -> Integer { return m[i][0] * m[j][1] - m[j][0] * m[i][1]; };
+  return Integer(minor(1, 2) * m[0][2] + minor(2, 0) * m[1][2] + minor(0, 1) * m[2][2]).sign();
+}
+
+int exact(const glm::vec2& a, const glm::vec2& b, const glm::vec2& c) {
+  const auto x = whole<3>({a.x, b.x, c.x}), y = whole<3>({a.y, b.y, c.y});
+  return Integer((x[0] - x[2]) * (y[1] - y[2]) - (y[0] - y[2]) * (x[1] - x[2])).sign();
 }
 
 }  // namespace
@@ -50,7 +68,7 @@ int orientation(const glm::vec2& a, const glm::vec2& b, const glm::vec2& c) {
   const double size = std::abs(left) + std::abs(right);
   if (std::abs(left - right) > kBound2 * size) return left > right ? 1 : -1;
   if (size == 0.0) return 0;
-  return sign(Rational(difference(a.x, c.x) * difference(b.y, c.y) - difference(a.y, c.y) * difference(b.x, c.x)));
+  return exact(a, b, c);
 }
 
 }  // namespace isoskin

@@ -1,4 +1,4 @@
-// Signs of determinants of float32 points, never wrong: in float64 where the error bound allows it, else in rationals.
+// Signs of determinants of float32 points, never wrong: in float64 where the error bound allows it, else in integers.
 #pragma once
 
 #include <glm/glm.hpp>

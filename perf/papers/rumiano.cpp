@@ -222,9 +222,9 @@ void add_local(Page& page) {
       "### Section 4.2's last remark: update only what the moving element influences\n\n"
       "Metaballs on a lattice; none, one or all of them move. Skin where the field stands still sleeps: the search for "
       "critical points, *predict*, *alter*, *relax*, *certify* and *refine* work on what is awake, and *refine* goes "
-      "on "
-      "from the last frame's triangles. What still takes all of the skin copies it or looks it over, and fills places "
-      "that are hidden. Medians of 7 frames, ms:\n\n"
+      "on from the last frame's triangles and fills hidden places where they are. What still takes all of the skin "
+      "copies "
+      "it or looks it over. Medians of 7 frames, ms:\n\n"
       "| metaballs | moving | triangles | awake, % | frame | alter | relax | certify | refine | certified |\n"
       "|---|---|---|---|---|---|---|---|---|---|\n");
   for (const int moving : {0, 1, 6, 60}) add_local_row(page, 60, moving);
