@@ -68,7 +68,7 @@ public:
     }
     constexpr int kSizes = 3;  // each tried in turn on parts of other sizes
     for (int round = 0, in_vain = 0; round < options_.untanglings && in_vain < kSizes; ++round) {
-      const std::vector<Crossing> crossings = kept_.refined_.crossings();
+      const std::vector<Crossing> crossings = find_crossings();
       if (crossings.empty()) return;
       if (!skin_) skin_ = mechanical_;
       UntangleOptions how;
@@ -76,11 +76,13 @@ public:
       const Tangles tangles(*skin_, {crossings, kept_.wrong_.farther_than(tolerance_)}, how);
       tangles.smooth(*skin_, backend_, options_.project);
       refine(&none);
-      const Faults left{kept_.refined_.crossings(), kept_.wrong_.farther_than(tolerance_)};
+      const Faults left{find_crossings(), kept_.wrong_.farther_than(tolerance_)};
       if (tangles.take_back(*skin_, left, options_.edge_length)) refine(&none);
-      in_vain = kept_.refined_.crossings().size() < crossings.size() ? 0 : in_vain + 1;
+      in_vain = find_crossings().size() < crossings.size() ? 0 : in_vain + 1;
     }
   }
+
+  const std::vector<Crossing>& find_crossings() { return kept_.refined_.crossings(skin()); }
 
   void take_back() {
     constexpr float kEverywhere = std::numeric_limits<float>::infinity();
@@ -153,12 +155,13 @@ void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, c
     making.fill();
     making.untangle();
   }
+  making.find_crossings();
   making.take_back();
   if (report) making.report(*report);
 }
 
 std::size_t GeometricSkin::self_intersections() const {
-  return refined_.is_flattened() ? count_self_intersections(mesh().mesh) : refined_.crossings().size();
+  return refined_.is_flattened() ? count_self_intersections(mesh().mesh) : refined_.crossing_count();
 }
 
 GeometricMesh geometric_mesh(const TriangleMesh& mechanical, const Field& field, const BrickLattice& lattice,

@@ -474,7 +474,7 @@ private:
   }
 
   void list_crossings() {
-    std::vector<Crossing> kept, all;
+    std::vector<Crossing> kept;
     for (Crossing crossing : last_.crossing_) {
       crossing.a = new_triangle_[crossing.a];
       crossing.b = new_triangle_[crossing.b];
@@ -486,11 +486,14 @@ private:
       kept.push_back(crossing);
     }
     std::sort(kept.begin(), kept.end());
-    std::vector<std::uint8_t> fresh(skin_.triangle_count());
-    for (const Index t : triangle_) fresh[t] = core(t);
-    const std::vector<Crossing> found = last_.find_crossings(skin_, fresh);
-    std::merge(kept.begin(), kept.end(), found.begin(), found.end(), std::back_inserter(all));
-    last_.crossing_ = std::move(all);
+    last_.crossing_ = std::move(kept);
+    std::vector<std::uint8_t> unlooked(skin_.triangle_count());
+    if (!last_.unlooked_.empty())
+      for_each_index(unlooked.size(), [&](std::size_t t) {
+        unlooked[t] = old_triangle_[t] != kNone && last_.unlooked_[old_triangle_[t]];
+      });
+    for (const Index t : triangle_) unlooked[t] |= core(t);
+    last_.unlooked_ = std::move(unlooked);
   }
 
   static constexpr std::uint8_t kFar = 255;
@@ -567,7 +570,8 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   triangles_ = geometric_.mesh.triangle_count();
   bounds_.resize(skin.triangle_count());
   for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = bounds(Index(t)); });
-  crossing_ = find_crossings(skin, std::vector<std::uint8_t>(skin.triangle_count(), 1));
+  crossing_.clear();
+  unlooked_.assign(skin.triangle_count(), 1);
   free_children_ = free_vertices_ = {};
   shape_.clear();
   without_normal_.clear();

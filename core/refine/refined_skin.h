@@ -54,8 +54,11 @@ public:
   TriangleMesh triangles_where(const Reaches& reaches) const;
   /// Centroids of `mesh` off the surface, in order of triangles.
   std::vector<Vec3> strays() const;
-  /// Self-intersections of `mesh` as it was refined, ascending.
-  const std::vector<Crossing>& crossings() const { return crossing_; }
+  /// Self-intersections of `mesh` as it was refined, ascending. Looked for about what has changed since the last call,
+  /// and only when asked for. `skin`: that of the last update().
+  const std::vector<Crossing>& crossings(const TriangleMesh& skin);
+  /// As many as the last call of crossings() found.
+  std::size_t crossing_count() const { return crossing_.size(); }
   /// Where the last update() changed the mesh; none: anywhere.
   const std::optional<std::vector<Box>>& changed() const { return changed_; }
   /// Triangles of the skin that the last update() refined.
@@ -107,12 +110,13 @@ private:
 
   VertexTable skin_;  // its vertices, without positions
   Index skin_next_id_ = 0;
-  std::vector<Index> vertex_;   // of the skin: 3 a triangle
-  std::vector<Bounds> bounds_;  // per triangle of the skin: of its children
-  std::size_t triangles_ = 0;   // of mesh()
-  std::vector<Stray> stray_;    // in order
-  std::vector<Crossing> crossing_;
-  std::vector<Vec3> lifted_;  // positions before they were flattened, empty when they were not
+  std::vector<Index> vertex_;           // of the skin: 3 a triangle
+  std::vector<Bounds> bounds_;          // per triangle of the skin: of its children
+  std::size_t triangles_ = 0;           // of mesh()
+  std::vector<Stray> stray_;            // in order
+  std::vector<Crossing> crossing_;      // of triangles that have been looked at
+  std::vector<std::uint8_t> unlooked_;  // per triangle of the skin; empty: all have been
+  std::vector<Vec3> lifted_;            // positions before they were flattened, empty when they were not
   std::optional<std::vector<Box>> changed_;
   std::size_t refined_triangles_ = 0;
 };

@@ -3,8 +3,10 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include <tbb/enumerable_thread_specific.h>
 
@@ -139,6 +141,14 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, 
   };
   for_each_index(plain.size(), [&](std::size_t v) { plain[v] = outgoing[v] != kNone && is_plain(Index(v)); });
   return plain;
+}
+
+const std::vector<Crossing>& RefinedSkin::crossings(const TriangleMesh& skin) {
+  if (unlooked_.empty()) return crossing_;
+  const std::vector<Crossing> found = find_crossings(skin, std::exchange(unlooked_, {}));
+  std::vector<Crossing> all;
+  std::merge(crossing_.begin(), crossing_.end(), found.begin(), found.end(), std::back_inserter(all));
+  return crossing_ = std::move(all);
 }
 
 /// Those of the triangles that are fresh, with all others.
