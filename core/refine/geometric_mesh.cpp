@@ -123,7 +123,7 @@ private:
   PlaceFillingOptions filling() const {
     PlaceFillingOptions filling;
     filling.edge_length = options_.edge_length;
-    filling.radius = options_.radius;
+    filling.radius = options_.radius / double(1 << report_.fillings);  // a large hole that was left out falls apart
     filling.small_piece = options_.small_piece;
     filling.least_piece = options_.certify.least_piece;
     filling.project = options_.project;

@@ -19,7 +19,9 @@ struct GeometricOptions {
   // Lattice corners on the wrong side and farther than this from the surface, and centroids farther than that, are
   // places which the refined mesh does not show.
   double hidden_corner = 0.15, hidden_centre = 0.25;
-  double radius = 1.0;  // triangles of the mechanical mesh nearer than this to such a place are replaced, units of e
+  // Triangles of the mechanical mesh nearer than this to such a place are replaced, units of e; each time after the
+  // first half as far.
+  double radius = 1.0;
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
   // Times this is done, each after the first only where the one before left places out; 0: never.
   int fillings = 3;
