@@ -4,13 +4,13 @@
 #include <array>
 #include <atomic>
 #include <cstring>
-#include <numeric>
 #include <optional>
 #include <utility>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/disjoint_sets.h"
 #include "core/mesh/id_set.h"
 #include "core/parallel.h"
 
@@ -130,30 +130,24 @@ private:
 /// What some triangles join of some vertices, which are known by ascending names.
 class Joined {
 public:
-  explicit Joined(const std::vector<Index>& names) : names_(names), parent_(names.size()), used_(names.size(), 0) {
-    std::iota(parent_.begin(), parent_.end(), Index{0});
-  }
+  explicit Joined(const std::vector<Index>& names) : names_(names), sets_(names.size()), used_(names.size(), 0) {}
 
   void join(const std::array<Index, 3>& names) {
     std::array<Index, 3> corner;
     for (int k = 0; k < 3; ++k)
       corner[k] = Index(std::lower_bound(names_.begin(), names_.end(), names[k]) - names_.begin());
-    const Index root = std::min({find(corner[0]), find(corner[1]), find(corner[2])});
     for (const Index i : corner) {
       used_[i] = 1;
-      parent_[find(i)] = root;
+      sets_.unite(corner[0], i);
     }
   }
   /// By numbers among the names.
-  Index find(Index i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
+  Index find(Index i) { return sets_.root(i); }
   bool uses(Index i) const { return used_[i] != 0; }
 
 private:
   const std::vector<Index>& names_;
-  std::vector<Index> parent_;
+  DisjointSets sets_;
   std::vector<std::uint8_t> used_;
 };
 

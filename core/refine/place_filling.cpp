@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <set>
 #include <tuple>
 #include <utility>
 
+#include "core/disjoint_sets.h"
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
@@ -85,10 +85,11 @@ struct Groups {
   Index count() const { return Index(alike.size()); }
 };
 
-class Places {
+class PlaceFiller {
 public:
-  Places(const std::vector<Vec3>& places, const Field& field, const BrickLattice& lattice,
-         const LatticeTopology& topology, const FarCorners& far, Backend& backend, const PlaceFillingOptions& options)
+  PlaceFiller(const std::vector<Vec3>& places, const Field& field, const BrickLattice& lattice,
+              const LatticeTopology& topology, const FarCorners& far, Backend& backend,
+              const PlaceFillingOptions& options)
       : places_(places),
         field_(field),
         lattice_(lattice),
@@ -249,35 +250,28 @@ private:
     const Sheets gone = sheets_of(part.mesh, changes.gone), fresh = sheets_of(now, changes.fresh);
     // Nodes: sheets that are gone, fresh sheets, pieces of the lattice.
     const Index first_piece = gone.count() + fresh.count();
-    std::vector<Index> parent(first_piece + topology_.piece_count());
-    std::iota(parent.begin(), parent.end(), Index{0});
-    const auto root = [&](Index a) {
-      while (parent[a] != a) a = parent[a] = parent[parent[a]];
-      return a;
-    };
-    const auto join = [&](Index a, Index b) {
-      a = root(a), b = root(b);
-      parent[std::max(a, b)] = std::min(a, b);
-    };
+    const std::size_t nodes = first_piece + topology_.piece_count();
+    DisjointSets sets(nodes);
     std::vector<Index> looks_at(part.mesh.vertex.size(), kNone);  // per halfedge that stays: a sheet that is gone
     for (std::size_t i = 0; i < changes.gone.size(); ++i)
       for (Index h = 3 * changes.gone[i]; h < 3 * changes.gone[i] + 3; ++h) looks_at[part.mesh.twin[h]] = gone.of[i];
     for (std::size_t i = 0; i < changes.fresh.size(); ++i)
       for (Index h = 3 * changes.fresh[i]; h < 3 * changes.fresh[i] + 3; ++h)
         if (const Index was = changes.was[now.twin[h] / 3]; was != kNone)
-          join(looks_at[3 * was + now.twin[h] % 3], gone.count() + fresh.of[i]);
+          sets.unite(looks_at[3 * was + now.twin[h] % 3], gone.count() + fresh.of[i]);
     for (std::size_t i = 0; i < changes.gone.size(); ++i) {
       const auto becomes = replaced.piece.find(replaced.pieces.of_vertex[part.mesh.vertex[3 * changes.gone[i]]]);
-      if (becomes != replaced.piece.end() && !gone.border[gone.of[i]]) join(gone.of[i], first_piece + becomes->second);
+      if (becomes != replaced.piece.end() && !gone.border[gone.of[i]])
+        sets.unite(gone.of[i], first_piece + becomes->second);
     }
     for (const auto& [sheet, piece] : pieces_of(now, changes, fresh, replaced))
-      join(gone.count() + sheet, first_piece + piece);
-    std::vector<Index> number(parent.size(), kNone);
+      sets.unite(gone.count() + sheet, first_piece + piece);
+    std::vector<Index> number(nodes, kNone);
     Groups groups;
     std::vector<std::array<int, 3>>
         tally;  // sheets that are gone, fresh sheets, by how much their Euler numbers differ
     for (Index i = 0; i < first_piece; ++i) {
-      Index& g = number[root(i)];
+      Index& g = number[sets.root(i)];
       if (g == kNone) {
         g = Index(tally.size());
         tally.emplace_back();
@@ -287,8 +281,8 @@ private:
       tally[g][2] += goes ? gone.euler[i] : -fresh.euler[i - gone.count()];
     }
     for (const auto& [goes, comes, gained] : tally) groups.alike.push_back(goes == 1 && comes == 1 && gained == 0);
-    for (const Index sheet : gone.of) groups.gone.push_back(number[root(sheet)]);
-    for (const Index sheet : fresh.of) groups.fresh.push_back(number[root(gone.count() + sheet)]);
+    for (const Index sheet : gone.of) groups.gone.push_back(number[sets.root(sheet)]);
+    for (const Index sheet : fresh.of) groups.fresh.push_back(number[sets.root(gone.count() + sheet)]);
     return groups;
   }
 
@@ -355,7 +349,7 @@ private:
 PlaceFillingReport fill_places(TriangleMesh& skin, const std::vector<Vec3>& places, const Field& field,
                                const BrickLattice& lattice, const LatticeTopology& topology, const FarCorners& far,
                                Backend& backend, const PlaceFillingOptions& options) {
-  return Places(places, field, lattice, topology, far, backend, options).fill(skin);
+  return PlaceFiller(places, field, lattice, topology, far, backend, options).fill(skin);
 }
 
 }  // namespace isoskin

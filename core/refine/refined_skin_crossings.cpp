@@ -33,10 +33,6 @@ bool overlap(const FlatBox& a, const FlatBox& b) {
   return glm::all(glm::lessThanEqual(a.low, b.high)) && glm::all(glm::lessThanEqual(b.low, a.high));
 }
 
-FlatBox box_of(const std::array<Vec3, 3>& t) {
-  return {glm::min(glm::min(t[0], t[1]), t[2]), glm::max(glm::max(t[0], t[1]), t[2])};
-}
-
 /// Some cells of a grid, by hash: what is not marked has no box in it.
 class MarkedCells {
 public:

@@ -1,9 +1,9 @@
 #include "core/refine/untangle.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
+#include "core/disjoint_sets.h"
 #include "core/mechanics/alter.h"
 #include "core/mesh/independent_edits.h"
 #include "core/mesh/mesh_part.h"
@@ -11,19 +11,6 @@
 #include "core/topology/point_grid.h"
 
 namespace isoskin {
-namespace {
-
-Index root(std::vector<Index>& parent, Index i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
-void join(std::vector<Index>& parent, Index i, Index j) {
-  i = root(parent, i), j = root(parent, j);
-  parent[std::max(i, j)] = std::min(i, j);
-}
-
-}  // namespace
 
 Tangles::Tangles(const TriangleMesh& skin, Faults faults, const UntangleOptions& options)
     : faults_(std::move(faults)), options_(options) {
@@ -52,14 +39,14 @@ void Tangles::gather(const TriangleMesh& skin, int rings) {
 }
 
 void Tangles::join_parts(const TriangleMesh& skin) {
-  part_.resize(vertex_.size());
-  std::iota(part_.begin(), part_.end(), Index{0});
+  DisjointSets sets(vertex_.size());
   for (Index i = 0; i < vertex_.size(); ++i)
     for (const Index v : ring_[i])
-      if (row_[v] != kNone) join(part_, i, row_[v]);
+      if (row_[v] != kNone) sets.unite(i, row_[v]);
   for (const Crossing& crossing : faults_.crossings)
-    join(part_, row_[skin.vertex[3 * crossing.a]], row_[skin.vertex[3 * crossing.b]]);
-  for (Index i = 0; i < part_.size(); ++i) part_[i] = root(part_, i);
+    sets.unite(row_[skin.vertex[3 * crossing.a]], row_[skin.vertex[3 * crossing.b]]);
+  part_.resize(vertex_.size());
+  for (Index i = 0; i < part_.size(); ++i) part_[i] = sets.root(i);
 }
 
 void Tangles::smooth(TriangleMesh& skin, Backend& backend, const ProjectOptions& project) const {

@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/disjoint_sets.h"
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/sides.h"
@@ -89,32 +90,23 @@ std::vector<Corner> differing_corners(const BrickLattice& lattice, const Differi
   return corners;
 }
 
-Index root_of(std::vector<Index>& parent, Index i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
 /// The corners' 26-connected clusters: the smallest member of each corner's cluster.
 std::vector<Index> clusters_of(const std::vector<Corner>& corners) {
-  std::vector<Index> parent(corners.size());
-  std::iota(parent.begin(), parent.end(), Index(0));
-  const auto join = [&](Index i, Index j) {
-    const Index a = root_of(parent, i), b = root_of(parent, j);
-    parent[std::max(a, b)] = std::min(a, b);
-  };
+  DisjointSets sets(corners.size());
   // The 13 neighbours that sort before lie in four lattice columns and just below; one walker follows in each column.
   constexpr std::array<IVec3, 4> kColumn{IVec3(-1, -1, 0), IVec3(-1, 0, 0), IVec3(-1, 1, 0), IVec3(0, -1, 0)};
   std::array<Index, kColumn.size()> walker{};
   for (Index i = 0; i < corners.size(); ++i) {
-    if (i > 0 && corners[i - 1].key + 1 == corners[i].key) join(i, i - 1);
+    if (i > 0 && corners[i - 1].key + 1 == corners[i].key) sets.unite(i, i - 1);
     for (std::size_t n = 0; n < kColumn.size(); ++n) {
       const std::uint64_t middle = key_of(corners[i].at + kColumn[n]);
       while (corners[walker[n]].key + 1 < middle) ++walker[n];
-      for (Index j = walker[n]; corners[j].key <= middle + 1; ++j) join(i, j);
+      for (Index j = walker[n]; corners[j].key <= middle + 1; ++j) sets.unite(i, j);
     }
   }
-  for (Index i = 0; i < corners.size(); ++i) parent[i] = root_of(parent, i);
-  return parent;
+  std::vector<Index> cluster(corners.size());
+  for (Index i = 0; i < corners.size(); ++i) cluster[i] = sets.root(i);
+  return cluster;
 }
 
 /// The mesh's sides in the box about a cluster, to be changed corner by corner.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <unordered_set>
 
+#include "core/disjoint_sets.h"
 #include "core/mesh/edit.h"
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
@@ -98,23 +98,6 @@ Marks mark(const TriangleMesh& moved, Backend& backend, const CollisionOptions& 
   return marks;
 }
 
-/// Numbers joined to sets; the root of a set is its smallest member.
-class Sets {
-public:
-  explicit Sets(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), Index(0)); }
-  Index root(Index i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(Index i, Index j) {
-    const Index a = root(i), b = root(j);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
-private:
-  std::vector<Index> parent_;
-};
-
 /// Marked triangles of one side that hang together by vertices, ascending.
 struct Patch {
   std::vector<Index> triangles;
@@ -124,12 +107,12 @@ struct Patch {
 /// In order of their smallest triangle; `of` is filled with each triangle's patch.
 std::vector<Patch> patches_of(const TriangleMesh& mesh, const Marks& marks, std::vector<Index>& of) {
   const std::vector<Index> marked = indices_where(marks.side.size(), [&](Index t) { return marks.side[t] != 0; });
-  Sets sets(marked.size());
+  DisjointSets sets(marked.size());
   std::map<std::pair<Index, int>, Index> first_at;  // vertex and side: a marked triangle there
   for (Index i = 0; i < marked.size(); ++i)
     for (Index k = 0; k < 3; ++k) {
       const auto [it, fresh] = first_at.try_emplace({mesh.vertex[3 * marked[i] + k], marks.side[marked[i]]}, i);
-      if (!fresh) sets.join(it->second, i);
+      if (!fresh) sets.unite(it->second, i);
     }
   std::vector<Patch> patches;
   of.assign(marks.side.size(), kNone);
@@ -191,8 +174,8 @@ struct Cluster {
 };
 
 std::vector<Cluster> clusters_of(std::size_t patch_count, const Links& links) {
-  Sets sets(patch_count);
-  for (const auto& [pair, count] : links) sets.join(pair.first, pair.second);
+  DisjointSets sets(patch_count);
+  for (const auto& [pair, count] : links) sets.unite(pair.first, pair.second);
   std::vector<Cluster> clusters;
   std::vector<Index> of(patch_count);
   for (Index p = 0; p < patch_count; ++p) {

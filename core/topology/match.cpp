@@ -4,12 +4,13 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <set>
 #include <tuple>
 #include <utility>
 
 #include <tbb/parallel_for.h>
+
+#include "core/disjoint_sets.h"
 
 namespace isoskin {
 namespace {
@@ -185,23 +186,17 @@ std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pi
   Matching matching = mutual_matches(votes, pieces.count(), topology.piece_count());
   match_leftovers(mesh, pieces, lattice, topology, matching);
   // Disjoint sets over mesh pieces, then lattice pieces; the representative is the smallest member.
-  std::vector<Index> parent(pieces.count() + topology.piece_count());
-  std::iota(parent.begin(), parent.end(), Index{0});
-  const auto find = [&](Index a) {
-    while (parent[a] != a) a = parent[a] = parent[parent[a]];
-    return a;
-  };
+  DisjointSets sets(pieces.count() + topology.piece_count());
   const auto join = [&](Index mesh_piece, Index lattice_piece) {
-    const Index a = find(mesh_piece), b = find(static_cast<Index>(pieces.count()) + lattice_piece);
-    parent[std::max(a, b)] = std::min(a, b);
+    sets.unite(mesh_piece, static_cast<Index>(pieces.count()) + lattice_piece);
   };
   for (Index m = 0; m < pieces.count(); ++m)
     if (matching.of_mesh[m] != kNone) join(m, matching.of_mesh[m]);
   for (const auto& [m, l] : overlaps(votes, matching, pieces, topology, least_piece)) join(m, l);
   std::vector<Cluster> clusters;
-  std::vector<Index> cluster_of(parent.size(), kNone);
-  for (Index p = 0; p < parent.size(); ++p) {
-    Index& c = cluster_of[find(p)];
+  std::vector<Index> cluster_of(pieces.count() + topology.piece_count(), kNone);
+  for (Index p = 0; p < cluster_of.size(); ++p) {
+    Index& c = cluster_of[sets.root(p)];
     if (c == kNone) {
       c = static_cast<Index>(clusters.size());
       clusters.emplace_back();

@@ -86,11 +86,6 @@ struct Grid {
   }
 };
 
-FlatBox box_of(const TriangleMesh& mesh, Index t) {
-  const auto [a, b, c] = corners_of(mesh, t);
-  return {glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c)};
-}
-
 Grid make_grid(const std::vector<FlatBox>& box, double margin) {
   constexpr double kTrianglesAcross = 2.0, kMostCells = double(1 << 20);  // along an axis
   Box all;
@@ -172,6 +167,10 @@ std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, Index t) {
           mesh.position(mesh.vertex[3 * t + 2])};
 }
 
+FlatBox box_of(const std::array<Vec3, 3>& t) {
+  return {glm::min(glm::min(t[0], t[1]), t[2]), glm::max(glm::max(t[0], t[1]), t[2])};
+}
+
 bool triangles_overlap(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& b) {
   return edges_meet(a, b) || edges_meet(b, a);
 }
@@ -224,7 +223,7 @@ std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
                                      PairStatistics* statistics) {
   std::vector<FlatBox> box(mesh.triangle_count());
-  for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(mesh, Index(t)); });
+  for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(corners_of(mesh, Index(t))); });
   std::atomic<std::size_t> neighbours = 0;
   const auto is_wanted = [&](const TrianglePair& pair) {
     if (!share_a_vertex(mesh, pair.a, pair.b)) return wanted(pair);

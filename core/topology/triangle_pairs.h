@@ -31,6 +31,9 @@ struct FlatBox {
   Vec3 low, high;
 };
 
+/// Of a triangle.
+FlatBox box_of(const std::array<Vec3, 3>& corners);
+
 /// The pairs of boxes, by their numbers, that overlap when grown as in near_pairs() and are `wanted`, ascending.
 std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& boxes, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
