@@ -120,6 +120,7 @@ void add_crumples(const TriangleMesh& mesh, double edge_length, Backend& backend
 /// While new skin settles, the field stands still, and nothing has to wait for the next frame.
 AlterOptions unlocked_and_still(AlterOptions options) {
   options.respect_locks = false;
+  options.keep_older = true;
   options.dt = 0.0f;
   return options;
 }

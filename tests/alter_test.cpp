@@ -233,6 +233,45 @@ TEST(Alter, LockedVerticesAreLeftAlone) {
   }
 }
 
+TEST(Alter, OldVerticesGoOnWhereNewOnesAreCollapsed) {
+  TriangleMesh mesh = icosphere(4);
+  jitter(mesh, 0.02f, 3);
+  grow_old(mesh);
+  const Index count = Index(mesh.vertex_count());
+  for (Index v = 0; v < count; ++v) mesh.vertices.id[v] = count - 1 - v;  // edges' first ends are the newer ones
+  mesh.next_id = count;
+  std::vector<std::uint8_t> frozen(count);
+  for (Index v = 0; v < count; ++v) frozen[v] = mesh.position(v).z < -0.8f;
+  const auto before = position_by_id(mesh);
+  AlterOptions options = free_options(0.15f);
+  const auto summary = [&](bool keep_older) {
+    TriangleMesh altered = mesh;
+    options.keep_older = keep_older;
+    EXPECT_GT(alter(altered, options, {}, frozen).collapses, 400u);
+    EXPECT_EQ(fault(altered), "");
+    const auto after = position_by_id(altered);
+    std::set<Index> still;
+    for (Index v = 0; v < count; ++v) {
+      if (!frozen[v]) continue;
+      const Index id = mesh.vertices.id[v];
+      EXPECT_TRUE(after.count(id) && after.at(id) == before.at(id));
+      still.insert(id);
+    }
+    double sum = 0.0;  // of the ids that are left
+    for (const auto& [id, p] : after) sum += id;
+    std::size_t short_edges = 0;  // that have one frozen end
+    for (Index h = 0; h < altered.vertex.size(); ++h)
+      short_edges += still.count(altered.vertices.id[altered.from(h)]) > 0 &&
+                     still.count(altered.vertices.id[altered.to(h)]) == 0 &&
+                     length(altered, h) < 0.75 * options.shortest * options.edge_length;
+    return std::pair(sum / double(after.size()), short_edges);
+  };
+  const auto [mean, left] = summary(true);
+  const auto [mean_before, left_before] = summary(false);
+  EXPECT_LT(mean, 0.8 * mean_before);
+  EXPECT_LT(left, left_before / 4);
+}
+
 TEST(Alter, FrozenVerticesKeepTheirBytesAndTheirEdges) {
   for (const float edge : {0.03f, 0.5f}) {  // everything wants to be split, or collapsed
     TriangleMesh mesh = icosphere(4);

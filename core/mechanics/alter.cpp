@@ -81,15 +81,10 @@ struct EdgeState {
   bool stretched(Index h) const { return growth(h) > options.rate * options.edge_length; }
   bool compressed(Index h) const { return growth(h) < -options.rate * options.edge_length; }
 
-  bool frozen_end(Index h) const {
-    const Index a = mesh.from(h), b = mesh.to(h);
-    return (a < frozen.size() && frozen[a]) || (b < frozen.size() && frozen[b]);
-  }
+  bool is_frozen(Index v) const { return v < frozen.size() && frozen[v]; }
+  bool frozen_end(Index h) const { return is_frozen(mesh.from(h)) || is_frozen(mesh.to(h)); }
   bool locked(Index h) const {
-    const auto left_alone = [&](Index v) {
-      return (options.respect_locks && mesh.vertices.age[v] == 0) || (v < frozen.size() && frozen[v]);
-    };
-    return left_alone(mesh.from(h)) || left_alone(mesh.to(h));
+    return options.respect_locks && (mesh.vertices.age[mesh.from(h)] == 0 || mesh.vertices.age[mesh.to(h)] == 0);
   }
 };
 
@@ -172,7 +167,7 @@ public:
   }
 
   bool wants(Index h) const {
-    return !state_.frozen_end(h) && state_.squared_length(h) < limit_ && !state_.locked(h) && !state_.stretched(h);
+    return may_go(h) && state_.squared_length(h) < limit_ && !state_.locked(h) && !state_.stretched(h);
   }
   std::uint64_t key(Index h) const { return edge_key(mesh_, h, state_.squared_length(h)); }
 
@@ -190,12 +185,20 @@ public:
   /// Where to put the merged vertex: the middle, else one of the ends; negative when every place does harm.
   float plan(Index h) const {
     if (!link_condition(mesh_, h) || is_small_piece(mesh_, h)) return -1.0f;
+    if (state_.frozen_end(h)) {
+      const float t = state_.is_frozen(mesh_.from(h)) ? 0.0f : 1.0f;
+      return harmless(h, t) ? t : -1.0f;
+    }
     for (const float t : {0.5f, 0.0f, 1.0f})
       if (harmless(h, t)) return t;
     return -1.0f;
   }
   void make_room(std::size_t) {}
   Index apply(Index h, float t, Index) {
+    if (state_.options.keep_older && goes_before(mesh_.to(h), mesh_.from(h))) {
+      h = mesh_.twin[h];
+      t = 1.0f - t;
+    }
     const Index kept = mesh_.twin[mesh_.prev(h)];
     collapse_edge(mesh_, h, t);
     return kept;
@@ -206,6 +209,15 @@ public:
   }
 
 private:
+  bool goes_before(Index a, Index b) const {
+    const bool frozen_a = state_.is_frozen(a), frozen_b = state_.is_frozen(b);
+    return frozen_a != frozen_b ? frozen_a : mesh_.vertices.id[a] < mesh_.vertices.id[b];
+  }
+  bool may_go(Index h) const {
+    const bool from = state_.is_frozen(mesh_.from(h)), to = state_.is_frozen(mesh_.to(h));
+    return state_.options.keep_older ? !(from && to) : !from && !to;
+  }
+
   bool harmless(Index h, float t) const {
     const Index g = mesh_.twin[h], a = mesh_.from(h), b = mesh_.from(g);
     const Vec3 p = glm::mix(mesh_.position(a), mesh_.position(b), t);

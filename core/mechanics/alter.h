@@ -16,8 +16,11 @@ struct AlterOptions {
       0.1f;          // eps_e: an edge is being stretched (compressed) when it changes by more than this times e a frame
   float dt = 0.04f;  // seconds a frame, to turn the velocity column into a change of length
   bool respect_locks = true;  // vertices of age 0 are left alone
-  bool flip = true;           // better-shaped, more regular diagonals where normals allow
-  float max_flip_turn = 45;   // degrees: no flip across a sharper crease, none that turns a triangle's normal further
+  // About new skin: of a collapsed edge the older vertex (the lower id) goes on, and edges with one frozen end may be
+  // collapsed too, onto it. Else the id is that of either end.
+  bool keep_older = false;
+  bool flip = true;          // better-shaped, more regular diagonals where normals allow
+  float max_flip_turn = 45;  // degrees: no flip across a sharper crease, none that turns a triangle's normal further
   float max_collapse_turn = 60;  // degrees a surviving triangle's normal may turn in a collapse
 };
 
@@ -34,7 +37,7 @@ struct AlterReport {
 /// sum over vertices (valence - 6)^2. The first sum alone is least for Delaunay triangulations (Rippa 1990); valence is
 /// what limits the angles relaxation can reach. One sum that only falls cannot oscillate.
 /// `frozen` (one byte a vertex, may be empty): edges, and quads, with a frozen vertex are left alone, whatever the
-/// ages.
+/// ages, but see keep_older.
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {},
                   const std::vector<std::uint8_t>& frozen = {});
 

@@ -438,7 +438,8 @@ std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGri
   return std::nullopt;
 }
 
-/// The lattice has several times as many triangles as wanted.
+/// The lattice has several times as many triangles as wanted. Seams lose the vertices between those of the border
+/// first, so that the triangles beyond become what they were.
 void coarsen(TriangleMesh& mesh, Index first_new, const ReskinOptions& options) {
   const std::vector<std::uint8_t> frozen(first_new, 1);
   for (int pass = 0; pass < options.collapse_passes; ++pass) alter(mesh, options.alter, {}, frozen);
