@@ -495,7 +495,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
   reskin_options.replace_all = how.replace_all;
-  reskin_options.suspects_only = how.suspects_only;
+  reskin_options.suspects_only = reskin_options.spare_sound = how.suspects_only;
   reskin_options.radius *= how.widened;
   if (how.suspects_only) reskin_options.narrow.rounds = 0;
   reskin_options.alter = unlocked_and_still(options_.alter);

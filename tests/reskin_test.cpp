@@ -16,6 +16,7 @@
 #include "core/topology/filling.h"
 #include "core/topology/inherit_ids.h"
 #include "core/topology/necks.h"
+#include "core/topology/sound_skin.h"
 #include "core/tracker.h"
 #include "kernels/opencl_backend.h"
 #include "tests/analytic_fields.h"
@@ -94,9 +95,11 @@ struct GoodSkin {
   }
 
   /// Repairs as if the one piece had failed.
-  ReskinReport repair(TriangleMesh& of, const BadSites& sites, bool replace_all = false, bool suspects_only = false) {
+  ReskinReport repair(TriangleMesh& of, const BadSites& sites, bool replace_all = false, bool suspects_only = false,
+                      bool spare_sound = false) {
     ReskinOptions reskin_options;
     reskin_options.suspects_only = suspects_only;
+    reskin_options.spare_sound = spare_sound;
     reskin_options.edge_length = options.edge_length;
     reskin_options.replace_all = replace_all;
     reskin_options.alter = options.alter;
@@ -288,6 +291,51 @@ TEST(Reskin, FindsAHandleThatNoSiteTellsTileByTile) {
   EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
   EXPECT_GT(removed, 3u);
   EXPECT_LT(removed, skin.mesh.triangle_count() / 2);
+}
+
+TEST(Reskin, SparesSkinThatIsAsItShouldBe) {
+  GoodSkin skin;
+  damage::Random random(5);
+  const TriangleMesh bad = damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length));
+  BadSites sites;
+  for (const Vec3& p : bad.vertices.position) sites.add(p, false);
+  std::size_t removed[2];
+  for (const bool spare : {false, true}) {
+    TriangleMesh mesh = bad;
+    removed[spare] = skin.repair(mesh, sites, false, false, spare).triangles_removed;
+    EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+    EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+  }
+  EXPECT_EQ(removed[0], bad.triangle_count());
+  EXPECT_GT(removed[1], 3u);
+  EXPECT_LT(removed[1], bad.triangle_count() / 4);
+}
+
+TEST(Reskin, KnowsSkinThatIsAsItShouldBe) {
+  GoodSkin skin;
+  SoundOptions options;
+  options.reach = 0.2f * float(skin.options.edge_length);
+  options.layers = 2.0f * options.reach;
+  options.longest = 2.0f * float(skin.options.edge_length);
+  const auto sound = [&](const TriangleMesh& mesh) {
+    return sound_triangles(mesh, std::vector<std::uint8_t>(mesh.vertex_count(), 1), *skin.backend, options);
+  };
+  const auto all = sound(skin.mesh);
+  EXPECT_EQ(std::count(all.begin(), all.end(), 1), std::ptrdiff_t(skin.mesh.triangle_count()));
+  EXPECT_EQ(sound_triangles(skin.mesh, std::vector<std::uint8_t>(skin.mesh.vertex_count()), *skin.backend, options),
+            std::vector<std::uint8_t>(skin.mesh.triangle_count()));
+  // The ball turned inside out, one off the surface, and two of which one lies over the other.
+  TriangleMesh inside_out = skin.mesh, off = skin.mesh, twice = skin.mesh;
+  for (Index h = 0; h < inside_out.vertex.size(); h += 3) std::swap(inside_out.vertex[h], inside_out.vertex[h + 1]);
+  for (Vec3& p : off.vertices.position) p += 2.0f * options.reach * (p - Vec3(0.1f, 0.2f, 0.3f));
+  const Index count = Index(skin.mesh.vertex_count());
+  for (Index v = 0; v < count; ++v) twice.vertices.position.push_back(skin.mesh.position(v));
+  for (const Index v : skin.mesh.vertex) twice.vertex.push_back(v + count);
+  twice.vertices.resize(2 * count);
+  for (const TriangleMesh* mesh : {&inside_out, &off, &twice}) {
+    const auto none = sound(*mesh);
+    EXPECT_EQ(std::count(none.begin(), none.end(), 1), 0);
+  }
 }
 
 TEST(Reskin, OpensOtherSkinThatTheFillingRunsInto) {

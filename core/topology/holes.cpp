@@ -17,10 +17,11 @@ namespace {
 /// Triangles to be removed, and those that have been.
 class Removal {
 public:
-  Removal(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot)
+  Removal(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot, const std::vector<std::uint8_t>& spared)
       : mesh_(mesh), removed_(mesh.triangle_count()), leaving_(mesh.vertex_count()) {
     for_each_index(removed_.size(), [&](std::size_t t) {
-      removed_[t] = hot[mesh.vertex[3 * t]] || hot[mesh.vertex[3 * t + 1]] || hot[mesh.vertex[3 * t + 2]];
+      const bool touched = hot[mesh.vertex[3 * t]] || hot[mesh.vertex[3 * t + 1]] || hot[mesh.vertex[3 * t + 2]];
+      removed_[t] = touched && (spared.empty() || !spared[t]);
     });
     list_ = indices_where(removed_.size(), [&](Index t) { return removed_[t]; });
   }
@@ -297,10 +298,11 @@ private:
 
 }  // namespace
 
-Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot) {
+Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
+                const std::vector<std::uint8_t>& spared) {
   Holes holes;
   constexpr std::size_t kScrap = 24;  // triangles
-  Removal removal(mesh, hot);
+  Removal removal(mesh, hot, spared);
   removal.remove_scraps(kScrap);
   removal.widen();
   const std::vector<Index> removed = removal.triangles();

@@ -27,9 +27,11 @@ struct Holes {
   Index count() const { return Index(euler.size()); }
 };
 
-/// Removes triangles with a hot vertex (one byte a vertex), and then more until every border is a simple closed curve.
-/// Holes are numbered by their first triangle, seams by their first halfedge.
-Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot);
+/// Removes triangles with a hot vertex (one byte a vertex) that are not spared (one byte a triangle, may be empty), and
+/// then more until every border is a simple closed curve. Holes are numbered by their first triangle, seams by their
+/// first halfedge.
+Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
+                const std::vector<std::uint8_t>& spared = {});
 
 /// Snaps seam vertices to the nearest vertex of the filling on the same side (`normals`: of the field at the mesh's
 /// vertices), each to one of its own, and joins neighbours by shortest paths that share no vertex. Seams for which it

@@ -11,6 +11,7 @@
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
 #include "core/topology/point_grid.h"
+#include "core/topology/sound_skin.h"
 #include "core/topology/weld.h"
 #include "core/trace.h"
 
@@ -32,6 +33,7 @@ struct Scene {
   const ReskinOptions& options;
   const std::vector<Vec3> normals;         // per vertex, of the field
   const std::vector<std::uint8_t> folded;  // per vertex
+  Backend& backend;
 };
 
 /// One byte a vertex: 1 where a triangle about it faces away from where the field's surface does.
@@ -184,6 +186,7 @@ public:
         hot_(scene.mesh.vertex_count()) {
     heat(bad_);
     reach_over_folds(*scene_, hot_);
+    spare_sound();
   }
 
   /// At these vertices, and about the odd sites near them that were left alone.
@@ -193,6 +196,7 @@ public:
       hot_[v] = 1;
       places.push_back(scene_->mesh.position(v));
     }
+    spare_no_more(vertices);
     std::vector<Vec3> odd;
     take_near(places, float(scene_->options.spread * scene_->options.edge_length), left_alone_, odd);
     heat(odd);
@@ -212,6 +216,8 @@ public:
   }
 
   const std::vector<std::uint8_t>& hot() const { return hot_; }
+  /// One byte a triangle: those that stay though they have a hot vertex. May be empty.
+  const std::vector<std::uint8_t>& spared() const { return spared_; }
   PointGrid near_bad() const { return {bad_, radius_}; }
   /// Bad points and hot vertices.
   std::vector<Vec3> points() const {
@@ -222,6 +228,22 @@ public:
   }
 
 private:
+  void spare_sound() {
+    const ReskinOptions& options = scene_->options;
+    if (!options.spare_sound) return;
+    SoundOptions sound;
+    sound.reach = float(options.off_surface * scene_->lattice.spacing);
+    sound.layers = 2.0f * sound.reach;
+    sound.longest = 1.5f * options.alter.longest * float(options.edge_length);
+    spared_ = traced("sound skin", [&] { return sound_triangles(scene_->mesh, hot_, scene_->backend, sound); });
+  }
+  void spare_no_more(const std::vector<Index>& vertices) {
+    if (spared_.empty()) return;
+    std::vector<std::uint8_t> about(scene_->mesh.vertex_count());
+    for (const Index v : vertices) about[v] = 1;
+    for (Index h = 0; h < scene_->mesh.vertex.size(); ++h)
+      if (about[scene_->mesh.vertex[h]]) spared_[h / 3] = 0;
+  }
   void heat(const std::vector<Vec3>& points) {
     const std::vector<std::uint8_t> more = hot_vertices(*scene_, PointGrid(points, radius_));
     for (std::size_t v = 0; v < hot_.size(); ++v) hot_[v] |= more[v];
@@ -230,13 +252,14 @@ private:
   const Scene* scene_;
   float radius_;
   std::vector<Vec3> bad_, left_alone_;
-  std::vector<std::uint8_t> hot_;
+  std::vector<std::uint8_t> hot_, spared_;
 };
 
 /// Patches are found once all seams are laid, or when it is the `last` try.
-Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const GrowingFilling& filling, bool last) {
+Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const std::vector<std::uint8_t>& spared,
+        const GrowingFilling& filling, bool last) {
   Cut result;
-  result.holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot); });
+  result.holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot, spared); });
   result.snapped = traced("seams", [&] {
     return lay_seams(scene.mesh, scene.normals, result.holes, *filling, filling.near(), scene.lattice.spacing);
   });
@@ -314,7 +337,7 @@ bool fit(const Fitting& with, Emptied& emptied, Cut& result, int growths, bool f
   const float e = float(options.edge_length);
   for (int growth = 0;; ++growth) {
     const bool last = growth == growths;
-    result = cut(with.scene, emptied.hot(), with.filling, last);
+    result = cut(with.scene, emptied.hot(), emptied.spared(), with.filling, last);
     const Misfit where = misfit(with.scene, result, *with.filling, with.skin);
     if (where.vertices.empty() && where.ends.empty()) return true;
     if (last) return false;
@@ -351,7 +374,7 @@ std::vector<std::uint8_t> needed(const Fitting& with, const std::vector<std::uin
       asked[v] =
           hot[v] && glm::all(glm::lessThan(glm::fract(DVec3(mesh.position(Index(v))) / apart + offset), DVec3(share)));
     });
-    const Cut tried = cut(with.scene, asked, with.filling, true);
+    const Cut tried = cut(with.scene, asked, {}, with.filling, true);
     const Groups groups(tried.holes, tried.patches, false);
     std::vector<std::uint8_t> needs(tried.holes.count());
     for (Index hole = 0; hole < needs.size(); ++hole) needs[hole] = groups.failed(hole) || !groups.alike(hole);
@@ -458,7 +481,7 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options, GrowingFilling* shared) {
   const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
-  const Scene scene{mesh, pieces, certificate, lattice, options, normals, folded_vertices(mesh, normals)};
+  const Scene scene{mesh, pieces, certificate, lattice, options, normals, folded_vertices(mesh, normals), backend};
   std::vector<Vec3> bad, sure, left_alone;
   for (std::size_t i = 0; i < sites.point.size(); ++i) {
     (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);

@@ -33,6 +33,8 @@ struct ReskinOptions {
   bool suspects_only = false;  // odd sites are left alone until a seam nearer than `spread` fails
   double spread = 1.0;         // units of e
   bool alike_only = false;     // only holes whose filling has the topology of what it fills: that of the mesh stays
+  bool spare_sound = false;    // skin that lies on the surface as it should stays where seams fit without taking it out
+  double off_surface = 0.5;    // how far it may be off the surface, in lattice spacings
   NarrowOptions narrow;
   bool replace_all = false;  // all holes are filled anew, also those whose filling has the topology of what it fills
   bool carry = true;         // rest and velocity of new vertices come from the old surface, else they are unset
