@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "core/refine/place_filling.h"
 #include "core/refine/untangle.h"
@@ -30,9 +31,19 @@ public:
 
   /// Everything that `changes` leave open, and what a new skin does.
   void refine(const FieldChanges* changes) {
+    refine_only(changes);
+    look_at_sides(changes);
+  }
+
+  void refine_only(const FieldChanges* changes) {
+    refining_.adds_changes = !std::exchange(looked_, false);
     kept_.refined_.update(skin(), changes, backend_, refining_);
     kept_.refined_triangles_ += kept_.refined_.refined_triangles();
+  }
+
+  void look_at_sides(const FieldChanges* changes) {
     const Span span("look");
+    looked_ = true;
     const double least = tolerance_ * std::min(1.0, options_.hidden_corner);
     kept_.wrong_.update(kept_.refined_, field_, changes, lattice_, topology_, least);
   }
@@ -48,11 +59,13 @@ public:
       if (hidden.empty() || (!left_out && !many)) return;
       if (!skin_) skin_ = mechanical_;
       if (!far_) far_.emplace(field_, lattice_, tolerance_);
+      const Index first_new = skin_->next_id;
       const PlaceFillingReport done =
           fill_places(*skin_, hidden, field_, lattice_, topology_, *far_, backend_, filling());
       if (done.filled == 0) return;
       left_out = done.left_out > 0;
       ++report_.fillings;
+      mend_seams(*skin_, first_new, lattice_.spacing, backend_, options_.project);
       const FieldChanges none;
       refine(&none);
     }
@@ -61,25 +74,20 @@ public:
   /// Smooths what is folded until no triangles overlap or it does not help any more.
   void untangle() {
     const Span span("untangle");
+    std::vector<Crossing> crossings = find_crossings();
+    if (crossings.empty()) return;
+    if (!skin_) skin_ = mechanical_;
     const FieldChanges none;
-    if (skin_) {
-      mend_seams(*skin_, mechanical_.next_id, lattice_.spacing, backend_, options_.project);
-      refine(&none);
+    const std::vector<Vec3> wrong = kept_.wrong_.farther_than(tolerance_);
+    Tangles tangles(*skin_);
+    for (int round = 0; round < options_.untanglings; ++round) {
+      if (!tangles.smooth(*skin_, crossings, backend_, options_.project)) break;
+      refine_only(&none);
+      crossings = tangles.take_back(*skin_, find_crossings());
     }
-    constexpr int kSizes = 3;  // each tried in turn on parts of other sizes
-    for (int round = 0, in_vain = 0; round < options_.untanglings && in_vain < kSizes; ++round) {
-      const std::vector<Crossing> crossings = find_crossings();
-      if (crossings.empty()) return;
-      if (!skin_) skin_ = mechanical_;
-      UntangleOptions how;
-      how.rings += round % kSizes;
-      const Tangles tangles(*skin_, {crossings, kept_.wrong_.farther_than(tolerance_)}, how);
-      tangles.smooth(*skin_, backend_, options_.project);
-      refine(&none);
-      const Faults left{find_crossings(), kept_.wrong_.farther_than(tolerance_)};
-      if (tangles.take_back(*skin_, left, options_.edge_length)) refine(&none);
-      in_vain = find_crossings().size() < crossings.size() ? 0 : in_vain + 1;
-    }
+    if (tangles.took_back()) refine_only(&none);
+    look_at_sides(&none);
+    if (tangles.take_back_about(*skin_, newly_wrong(wrong), options_.edge_length)) refine(&none);
   }
 
   const std::vector<Crossing>& find_crossings() { return kept_.refined_.crossings(skin()); }
@@ -113,6 +121,13 @@ private:
     return hidden;
   }
 
+  /// Places on the wrong side that were not `before`.
+  std::vector<Vec3> newly_wrong(const std::vector<Vec3>& before) const {
+    std::vector<Vec3> now = kept_.wrong_.farther_than(tolerance_);
+    std::erase_if(now, [&](const Vec3& p) { return std::find(before.begin(), before.end(), p) != before.end(); });
+    return now;
+  }
+
   /// At the mesh as it is, wherever it differs from what was kept.
   std::vector<Vec3> look(double distance) const {
     WrongCorners wrong;
@@ -144,6 +159,7 @@ private:
   std::optional<FarCorners> far_;
   std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
   GeometricReport report_;
+  bool looked_ = true;  // since the last update of the refined skin
 };
 
 void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, const FieldChanges* changes,

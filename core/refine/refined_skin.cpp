@@ -530,9 +530,14 @@ void RefinedSkin::update(const TriangleMesh& skin, const FieldChanges* changes, 
     geometric_.mesh.vertices.position = std::exchange(lifted_, {});
     shape_.clear();
   }
+  const std::optional<std::vector<Box>> changed_before = std::move(changed_);
   const bool goes_on = changes && !changes->everywhere && !changes->rounded_anew && !child_.empty() &&
                        std::isfinite(options.project.reach);
   if (!goes_on || !Update(*this, skin, backend, options).run(*changes)) refine_whole(skin, backend, options);
+  if (options.adds_changes && changed_ && changed_before)
+    changed_->insert(changed_->end(), changed_before->begin(), changed_before->end());
+  else if (options.adds_changes)
+    changed_.reset();
   remember(skin);
 }
 

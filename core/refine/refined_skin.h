@@ -16,9 +16,10 @@ namespace isoskin {
 
 struct RefinedSkinOptions {
   RefineOptions refine;
-  ProjectOptions project;  // its reach must be finite for anything to be kept
-  double voxel = 0.0;      // of the field; 0: it holds no distances
-  double stray = 0.25;     // centroids farther from the surface than this are reported, world units
+  ProjectOptions project;     // its reach must be finite for anything to be kept
+  double voxel = 0.0;         // of the field; 0: it holds no distances
+  double stray = 0.25;        // centroids farther from the surface than this are reported, world units
+  bool adds_changes = false;  // changed() goes on telling what it told before the update, too
 };
 
 /// How far from the surface a value of F is, by its slope there. Level sets hold distances, and their gradients vanish
@@ -39,7 +40,7 @@ struct Crossing {
 class RefinedSkin {
 public:
   /// `changes`: of the field since the last call; null: anything. What comes of it depends on neither earlier calls nor
-  /// `changes`: it is what refine() returns. All calls with the same options.
+  /// `changes`: it is what refine() returns. All calls with the same options but for adds_changes.
   void update(const TriangleMesh& skin, const FieldChanges* changes, Backend& backend,
               const RefinedSkinOptions& options);
 
@@ -59,7 +60,7 @@ public:
   const std::vector<Crossing>& crossings(const TriangleMesh& skin);
   /// As many as the last call of crossings() found.
   std::size_t crossing_count() const { return crossing_.size(); }
-  /// Where the last update() changed the mesh; none: anywhere.
+  /// Where the last update() changed the mesh, and those before it whose changes it was to add to; none: anywhere.
   const std::optional<std::vector<Box>>& changed() const { return changed_; }
   /// Triangles of the skin that the last update() refined.
   std::size_t refined_triangles() const { return refined_triangles_; }
@@ -77,8 +78,8 @@ private:
   };
   struct Bounds {
     Vec3 low{std::numeric_limits<float>::infinity()}, high{-std::numeric_limits<float>::infinity()};
-    Vec3 axis{0.0f};      // about which the normals lie, unit; zero where they lie anywhere
-    float spread = 0.0f;  // the largest angle from it to one of them
+    Vec3 axis{0.0f};        // about which the normals lie, unit; zero where they lie anywhere
+    float one_side = 2.0f;  // a unit vector with a larger dot product with it has all of them on its side
     Box box() const { return {DVec3(low), DVec3(high)}; }
   };
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include <tbb/enumerable_thread_specific.h>
@@ -22,11 +21,11 @@ namespace {
 
 // Normals nearer than this to a common axis: their triangles look down on it from one side, with room for rounding.
 constexpr float kOneSide = 1.4f;  // radians
-// Triangles about a vertex that all look to one side go round it once; twice would be near 4 pi.
-constexpr float kOnce = 3.0f * std::numbers::pi_v<float>;
 
-float angle_between(const Vec3& a, const Vec3& b) {
-  return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b));
+/// A unit vector across one.
+Vec3 across(const Vec3& axis) {
+  const Vec3 other = std::abs(axis.x) < 0.6f ? Vec3(1.0f, 0.0f, 0.0f) : Vec3(0.0f, 1.0f, 0.0f);
+  return glm::normalize(glm::cross(axis, other));
 }
 
 bool overlap(const FlatBox& a, const FlatBox& b) {
@@ -105,11 +104,14 @@ RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
   const float length = glm::length(sum);
   if (!(length > 0.0f)) return bounds;
   bounds.axis = sum / length;
+  float least = 1.0f;  // cosine of the angle between the axis and a normal
   for (Index c = child.first; c < child.first + child.count; ++c) {
     const Vec3 n = normal(c);
     if (n == Vec3(0.0f)) return bounds.axis = Vec3(0.0f), bounds;
-    bounds.spread = std::max(bounds.spread, angle_between(bounds.axis, n));
+    least = std::min(least, glm::dot(bounds.axis, n) / glm::length(n));
   }
+  const float spread = std::acos(std::clamp(least, -1.0f, 1.0f));
+  if (spread < kOneSide) bounds.one_side = std::cos(kOneSide - spread);
   return bounds;
 }
 
@@ -121,19 +123,27 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, 
   for (const Index t : some)
     for (Index h = 3 * t; h < 3 * t + 3; ++h) outgoing[skin.from(h)] = h;
   const auto is_plain = [&](Index v) {
-    Vec3 axis(0.0f);
-    float round = 0.0f;
-    for_each_leaving(skin, outgoing[v], [&](Index h) {
-      axis += bounds_[h / 3].axis;
-      const Vec3& p = skin.position(v);
-      round += angle_between(skin.position(skin.to(h)) - p, skin.position(skin.from(TriangleMesh::prev(h))) - p);
-    });
-    bool looks = round < kOnce && glm::length(axis) > 0.0f;
+    Vec3 sum(0.0f);
+    for_each_leaving(skin, outgoing[v], [&](Index h) { sum += bounds_[h / 3].axis; });
+    const float length = glm::length(sum);
+    if (!(length > 0.0f)) return false;
+    const Vec3 axis = sum / length;
+    bool looks = true;
+    int rounds = 0;
+    // Seen along the axis, all go round in one sense: how often they pass a direction is how often they go round.
+    const Vec3 ahead = across(axis), left = glm::cross(axis, ahead);
+    const auto seen = [&](Index to) {
+      const Vec3 d = skin.position(to) - skin.position(v);
+      return glm::vec2(glm::dot(d, ahead), glm::dot(d, left));
+    };
     for_each_leaving(skin, outgoing[v], [&](Index h) {
       const Bounds& b = bounds_[h / 3];
-      looks = looks && b.axis != Vec3(0.0f) && angle_between(axis, b.axis) + b.spread < kOneSide;
+      const glm::vec2 p = seen(skin.to(h)), q = seen(skin.from(TriangleMesh::prev(h)));
+      const float turn = p.x * q.y - p.y * q.x;
+      looks = looks && glm::dot(axis, b.axis) > b.one_side && turn > 0.0f;
+      rounds += p.y < 0.0f && q.y >= 0.0f;
     });
-    return looks;
+    return looks && rounds == 1;
   };
   for_each_index(plain.size(), [&](std::size_t v) { plain[v] = outgoing[v] != kNone && is_plain(Index(v)); });
   return plain;
@@ -187,22 +197,33 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
       if (overlap(box, where)) out.push_back({c, p, box});
     }
   };
+  const auto compare = [&](Index a, const Child& c, Index b, const Child& d, Found& own) {
+    if (!overlap(c.box, d.box) || share(c.row, d.row) || !triangles_overlap(c.corners, d.corners)) return;
+    own.crossings.push_back({a, c.row - child_[a].first, b, d.row - child_[b].first});
+  };
   tbb::enumerable_thread_specific<Found> found;
   const auto look = [&](Index a, Index b) {
     Found& own = found.local();
     reaching(a, flat(b), own.some);
     if (own.some.empty()) return;
-    if (a != b) reaching(b, flat(a), own.others);
-    const std::vector<Child>& others = a == b ? own.some : own.others;
+    reaching(b, flat(a), own.others);
     for (const Child& c : own.some)
-      for (const Child& d : others) {
-        if ((a == b && d.row <= c.row) || !overlap(c.box, d.box) || share(c.row, d.row)) continue;
-        if (triangles_overlap(c.corners, d.corners))
-          own.crossings.push_back({a, c.row - child_[a].first, b, d.row - child_[b].first});
-      }
+      for (const Child& d : own.others) compare(a, c, b, d, own);
+  };
+  const auto look_at = [&](Index t) {
+    Found& own = found.local();
+    reaching(t, flat(t), own.some);
+    const Vec3 size = bounds_[t].high - bounds_[t].low;
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    std::sort(own.some.begin(), own.some.end(), [&](const Child& c, const Child& d) {
+      return std::pair(c.box.low[axis], c.row) < std::pair(d.box.low[axis], d.row);
+    });
+    for (auto c = own.some.begin(); c != own.some.end(); ++c)
+      for (auto d = c + 1; d != own.some.end() && d->box.low[axis] <= c->box.high[axis]; ++d)
+        c->row < d->row ? compare(t, *c, t, *d, own) : compare(t, *d, t, *c, own);
   };
   for_each_index(fresh.size(), [&](std::size_t t) {
-    if (fresh[t] && child_[t].count > 1 && !plain_about(Index(t), Index(t))) look(Index(t), Index(t));
+    if (fresh[t] && child_[t].count > 1 && !plain_about(Index(t), Index(t))) look_at(Index(t));
   });
   for (std::size_t i = 0; i < some.size(); ++i) boxes[i] = boxes[some[i]];  // ascending
   boxes.resize(some.size());

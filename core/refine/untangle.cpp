@@ -1,55 +1,28 @@
 #include "core/refine/untangle.h"
 
 #include <algorithm>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "core/disjoint_sets.h"
 #include "core/mechanics/alter.h"
 #include "core/mesh/independent_edits.h"
 #include "core/mesh/mesh_part.h"
+#include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/topology/point_grid.h"
 
 namespace isoskin {
 
-Tangles::Tangles(const TriangleMesh& skin, Faults faults, const UntangleOptions& options)
-    : faults_(std::move(faults)), options_(options) {
-  gather(skin, options.rings);
-  ring_.resize(vertex_.size());
-  for (Index h = 0; h < skin.vertex.size(); ++h)
-    if (row_[skin.from(h)] != kNone) ring_[row_[skin.from(h)]].push_back(skin.to(h));
-  join_parts(skin);
-  for (const Index v : vertex_) before_.push_back(skin.position(v));
-}
-
-void Tangles::gather(const TriangleMesh& skin, int rings) {
-  std::vector<std::uint8_t> in(skin.vertex_count());
-  for (const Crossing& crossing : faults_.crossings)
-    for (const Index t : {crossing.a, crossing.b})
-      for (Index h = 3 * t; h < 3 * t + 3; ++h) in[skin.from(h)] = 1;
-  for (int ring = 0; ring < rings; ++ring) {
-    std::vector<Index> beside;
-    for (Index h = 0; h < skin.vertex.size(); ++h)
-      if (in[skin.from(h)] && !in[skin.to(h)]) beside.push_back(skin.to(h));
-    for (const Index v : beside) in[v] = 1;
-  }
-  vertex_ = indices_where(in.size(), [&](Index v) { return in[v] != 0; });
-  row_.assign(in.size(), kNone);
-  for (Index i = 0; i < vertex_.size(); ++i) row_[vertex_[i]] = i;
-}
-
-void Tangles::join_parts(const TriangleMesh& skin) {
-  DisjointSets sets(vertex_.size());
-  for (Index i = 0; i < vertex_.size(); ++i)
-    for (const Index v : ring_[i])
-      if (row_[v] != kNone) sets.unite(i, row_[v]);
-  for (const Crossing& crossing : faults_.crossings)
-    sets.unite(row_[skin.vertex[3 * crossing.a]], row_[skin.vertex[3 * crossing.b]]);
-  part_.resize(vertex_.size());
-  for (Index i = 0; i < part_.size(); ++i) part_[i] = sets.root(i);
-}
-
-void Tangles::smooth(TriangleMesh& skin, Backend& backend, const ProjectOptions& project) const {
+bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings, Backend& backend,
+                     const ProjectOptions& project) {
+  crossing_ = crossings;
+  if (std::none_of(crossing_.begin(), crossing_.end(), [&](const Crossing& c) { return is_tried(c); })) return false;
+  gather(skin);
+  part_ = parts(skin);
+  before_.resize(vertex_.size());
+  for_each_index(before_.size(), [&](std::size_t i) { before_[i] = skin.position(vertex_[i]); });
   std::vector<Vec3> middle(vertex_.size());
   for (int sweep = 0; sweep < options_.sweeps; ++sweep) {
     for_each_index(middle.size(), [&](std::size_t i) {
@@ -60,45 +33,131 @@ void Tangles::smooth(TriangleMesh& skin, Backend& backend, const ProjectOptions&
     backend.project(middle, project, {});
     for_each_index(middle.size(), [&](std::size_t i) { skin.vertices.position[vertex_[i]] = middle[i]; });
   }
+  return true;
 }
 
-/// Under the number of each part; one between two parts is of both.
-std::vector<int> Tangles::crossings_by_part(const TriangleMesh& skin, const std::vector<Crossing>& crossings) const {
-  std::vector<int> count(vertex_.size(), 0);
-  for (const Crossing& crossing : crossings)
-    for (const Index t : {crossing.a, crossing.b})
-      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
-        const Index i = row_[skin.from(h)];
-        if (i == kNone) continue;
-        ++count[part_[i]];
-        break;
-      }
-  return count;
-}
-
-bool Tangles::take_back(TriangleMesh& skin, const Faults& now, double reach) const {
-  const std::vector<int> crossings_before = crossings_by_part(skin, faults_.crossings);
-  const std::vector<int> crossings_now = crossings_by_part(skin, now.crossings);
-  std::vector<Vec3> places = before_;
-  for (const Index v : vertex_) places.push_back(skin.position(v));
-  const PointGrid near(places, float(reach));
-  std::vector<int> more_wrong(vertex_.size(), 0);
-  const auto count_wrong = [&](const std::vector<Vec3>& wrong, int times) {
-    for (const Vec3& place : wrong) {
-      std::vector<Index> parts;
-      near.near(place, [&](Index i, float) { parts.push_back(part_[i % vertex_.size()]); });
-      std::sort(parts.begin(), parts.end());
-      parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
-      for (const Index part : parts) more_wrong[part] += times;
-    }
+/// Sets vertex_, row_ and ring_: those of the crossings' triangles and some rings about them.
+void Tangles::gather(const TriangleMesh& skin) {
+  for (const Index v : vertex_) row_[v] = kNone;
+  vertex_.clear();
+  std::vector<Index> leaving;  // of each: a halfedge
+  const auto add = [&](Index h) {
+    if (row_[skin.from(h)] != kNone) return;
+    row_[skin.from(h)] = Index(vertex_.size());
+    vertex_.push_back(skin.from(h));
+    leaving.push_back(h);
   };
-  count_wrong(now.wrong, 1);
-  count_wrong(faults_.wrong, -1);
-  bool any = false;
+  // Those that go on for longest first, so that whoever meets a vertex goes on from it for as long as any.
+  int most = 0;
+  std::vector<std::vector<Index>> triangles(std::size_t(options_.tries));
+  for (const Crossing& crossing : crossing_) {
+    const int tried = times_tried(crossing);
+    if (tried == options_.tries) continue;
+    triangles[std::size_t(tried)].insert(triangles[std::size_t(tried)].end(), {crossing.a, crossing.b});
+    most = std::max(most, tried);
+  }
+  std::size_t begin = 0;
+  const auto add_ring = [&] {
+    for (const std::size_t end = vertex_.size(); begin < end; ++begin)
+      for_each_leaving(skin, leaving[begin], [&](Index h) { add(skin.twin[h]); });
+  };
+  for (int tried = most; tried >= 0; --tried) {
+    if (tried < most) add_ring();
+    for (const Index t : triangles[std::size_t(tried)])
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) add(h);
+  }
+  for (int ring = 0; ring < options_.rings; ++ring) add_ring();
+  std::vector<Index> order(vertex_.size());
+  std::iota(order.begin(), order.end(), Index{0});
+  std::sort(order.begin(), order.end(), [&](Index i, Index j) { return vertex_[i] < vertex_[j]; });
+  ring_.assign(vertex_.size(), {});
+  std::vector<Index> sorted(vertex_.size());
+  for (Index i = 0; i < order.size(); ++i) {
+    sorted[i] = vertex_[order[i]];
+    row_[sorted[i]] = i;
+    for_each_leaving(skin, leaving[order[i]], [&](Index h) { ring_[i].push_back(skin.to(h)); });
+  }
+  vertex_ = std::move(sorted);
+}
+
+/// Per row.
+std::vector<Index> Tangles::parts(const TriangleMesh& skin) const {
+  DisjointSets sets(vertex_.size());
+  for (Index i = 0; i < vertex_.size(); ++i)
+    for (const Index v : ring_[i])
+      if (row_[v] != kNone) sets.unite(i, row_[v]);
+  for (const Crossing& crossing : crossing_)
+    if (is_tried(crossing)) sets.unite(row_[skin.vertex[3 * crossing.a]], row_[skin.vertex[3 * crossing.b]]);
+  std::vector<Index> part(vertex_.size());
+  for (Index i = 0; i < part.size(); ++i) part[i] = sets.root(i);
+  return part;
+}
+
+/// Of a corner of a triangle that moves, kNone when none does.
+Index Tangles::row(const TriangleMesh& skin, Index triangle) const {
+  for (Index h = 3 * triangle; h < 3 * triangle + 3; ++h)
+    if (row_[skin.from(h)] != kNone) return row_[skin.from(h)];
+  return kNone;
+}
+
+std::vector<Crossing> Tangles::take_back(TriangleMesh& skin, const std::vector<Crossing>& now) {
+  const auto of_part = [&](Index t) {
+    const Index i = row(skin, t);
+    return i == kNone ? kNone : part_[i];
+  };
+  std::vector<int> fewer(vertex_.size(), 0);  // under the number of each part; a crossing between two parts is of both
+  const auto count = [&](const std::vector<Crossing>& crossings, int times) {
+    for (const Crossing& crossing : crossings)
+      for (const Index t : {crossing.a, crossing.b})
+        if (const Index part = of_part(t); part != kNone) fewer[part] += times;
+  };
+  count(crossing_, 1);
+  count(now, -1);
+  const auto goes_back = [&](Index part) { return part != kNone && fewer[part] <= 0; };
+  std::vector<Crossing> left, in_vain;
+  for (const Crossing& crossing : now)
+    if (!goes_back(of_part(crossing.a)) && !goes_back(of_part(crossing.b))) left.push_back(crossing);
+  for (const Crossing& crossing : crossing_) {
+    if (!goes_back(of_part(crossing.a)) && !goes_back(of_part(crossing.b))) continue;
+    left.push_back(crossing);
+    if (is_tried(crossing)) in_vain.push_back(crossing);
+  }
+  std::sort(left.begin(), left.end());
+  std::vector<std::uint8_t> tried;
+  for (const Crossing& crossing : in_vain) tried.push_back(std::uint8_t(times_tried(crossing) + 1));
+  for (std::size_t i = 0; i < in_vain.size(); ++i)
+    for (const Index t : {in_vain[i].a, in_vain[i].b}) tried_[t] = std::max(tried_[t], tried[i]);
+  std::vector<Moved> moved, all;
   for (Index i = 0; i < vertex_.size(); ++i) {
-    const Index part = part_[i];
-    if (crossings_now[part] < crossings_before[part] && more_wrong[part] <= 0) continue;
-    skin.vertices.position[vertex_[i]] = before_[i];
+    if (goes_back(part_[i]))
+      skin.vertices.position[vertex_[i]] = before_[i];
+    else
+      moved.push_back({vertex_[i], before_[i]});
+  }
+  took_back_ = moved.size() < vertex_.size();
+  // Of those that have moved before, what comes first is where they were at first.
+  std::merge(moved_.begin(), moved_.end(), moved.begin(), moved.end(), std::back_inserter(all),
+             [](const Moved& p, const Moved& q) { return p.vertex < q.vertex; });
+  all.erase(std::unique(all.begin(), all.end(), [](const Moved& p, const Moved& q) { return p.vertex == q.vertex; }),
+            all.end());
+  moved_ = std::move(all);
+  return left;
+}
+
+bool Tangles::take_back_about(TriangleMesh& skin, const std::vector<Vec3>& places, double reach) {
+  const PointGrid near(places, float(reach));
+  std::vector<Index> at(skin.vertex_count(), kNone);
+  for (Index i = 0; i < moved_.size(); ++i) at[moved_[i].vertex] = i;
+  DisjointSets sets(moved_.size());
+  for (Index h = 0; h < skin.vertex.size(); ++h)
+    if (at[skin.from(h)] != kNone && at[skin.to(h)] != kNone) sets.unite(at[skin.from(h)], at[skin.to(h)]);
+  std::vector<std::uint8_t> goes_back(moved_.size(), 0);
+  for (Index i = 0; i < moved_.size(); ++i)
+    if (near.any_near(moved_[i].home) || near.any_near(skin.position(moved_[i].vertex))) goes_back[sets.root(i)] = 1;
+  bool any = false;
+  for (Index i = 0; i < moved_.size(); ++i) {
+    if (!goes_back[sets.root(i)]) continue;
+    skin.vertices.position[moved_[i].vertex] = moved_[i].home;
     any = true;
   }
   return any;

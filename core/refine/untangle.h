@@ -2,6 +2,8 @@
 // of their neighbours.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "core/backend.h"
@@ -12,41 +14,57 @@ namespace isoskin {
 
 struct UntangleOptions {
   int rings = 2;    // vertices so many edges from the triangles move
+  int tries = 3;    // in vain about a triangle, each with a ring more
   int sweeps = 12;  // in which each goes to the middle of its neighbours, and onto the surface
 };
 
-/// What a refined skin has and should not have.
-struct Faults {
-  std::vector<Crossing> crossings;
-  std::vector<Vec3> wrong;  // places on the wrong side
-};
-
-/// The parts of a skin about the triangles that overlap; what hangs together or overlaps is one part.
+/// Where triangles of a skin overlap, tried in turn. Costs what the places do. The skin's triangles stay what they are;
+/// all calls with the same skin.
 class Tangles {
 public:
-  Tangles(const TriangleMesh& skin, Faults faults, const UntangleOptions& options);
+  explicit Tangles(const TriangleMesh& skin, const UntangleOptions& options = {})
+      : options_(options), tried_(skin.triangle_count(), 0), row_(skin.vertex_count(), kNone) {}
 
-  /// Moves their vertices. What lies beside them stays and holds them: a map of a disc with a convex border in which
-  /// each vertex is the mean of its neighbours has no folds (Tutte 1963). The backend must hold the field. Parallel and
-  /// deterministic.
-  void smooth(TriangleMesh& skin, Backend& backend, const ProjectOptions& project) const;
+  /// Moves the vertices about crossings that have not been tried too often; what hangs together or overlaps is one
+  /// part. What lies beside them stays and holds them: a map of a disc with a convex border in which each vertex is the
+  /// mean of its neighbours has no folds (Tutte 1963). False when there were none. The backend must hold the field.
+  /// Parallel and deterministic.
+  bool smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings, Backend& backend,
+              const ProjectOptions& project);
 
-  /// Moves the vertices back of parts that now have no fewer crossings than at first, or more wrong places within
-  /// `reach` (world units). Whether there were any.
-  bool take_back(TriangleMesh& skin, const Faults& now, double reach) const;
+  /// After smooth(), whose crossings have become `now`: moves the vertices back of parts that have no fewer than
+  /// before. Returns what the skin's crossings are then, ascending, those between parts aside.
+  std::vector<Crossing> take_back(TriangleMesh& skin, const std::vector<Crossing>& now);
+
+  /// Whether the last take_back() moved any.
+  bool took_back() const { return took_back_; }
+
+  /// Moves all vertices back that smooth() has moved and that hang together with one within `reach` (world units) of a
+  /// place. Whether there were any.
+  bool take_back_about(TriangleMesh& skin, const std::vector<Vec3>& places, double reach);
 
 private:
-  void gather(const TriangleMesh& skin, int rings);
-  void join_parts(const TriangleMesh& skin);
-  std::vector<int> crossings_by_part(const TriangleMesh& skin, const std::vector<Crossing>& crossings) const;
+  struct Moved {
+    Index vertex;
+    Vec3 home;
+  };
 
-  Faults faults_;
+  void gather(const TriangleMesh& skin);
+  std::vector<Index> parts(const TriangleMesh& skin) const;
+  int times_tried(const Crossing& crossing) const { return std::max(tried_[crossing.a], tried_[crossing.b]); }
+  bool is_tried(const Crossing& crossing) const { return times_tried(crossing) < options_.tries; }
+  Index row(const TriangleMesh& skin, Index triangle) const;
+
   UntangleOptions options_;
-  std::vector<Index> vertex_;             // ascending
+  std::vector<std::uint8_t> tried_;       // per triangle: how often in vain
+  std::vector<Crossing> crossing_;        // before the last smooth()
+  std::vector<Index> vertex_;             // that are moved, ascending
   std::vector<Index> row_;                // per vertex of the skin: of vertex_, kNone when it stays
   std::vector<std::vector<Index>> ring_;  // per row: the vertex's neighbours
   std::vector<Index> part_;               // per row: the first row of the part it belongs to
   std::vector<Vec3> before_;              // per row: where it was
+  std::vector<Moved> moved_;              // all that have been, by vertex
+  bool took_back_ = false;
 };
 
 /// Old and new vertices lie side by side on the seams of what was filled: edges much shorter than `fineness` (world

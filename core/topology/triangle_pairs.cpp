@@ -129,8 +129,8 @@ struct CellTable {
   std::vector<Entry> entry;
 
   explicit CellTable(const Grid& grid) {
-    constexpr std::size_t kTrianglesPerBucket = 4;
-    const std::size_t buckets = std::bit_ceil(grid.range.size() / kTrianglesPerBucket + 1);
+    constexpr std::size_t kBucketsPerTriangle = 2;  // so that few hold triangles of several cells
+    const std::size_t buckets = std::bit_ceil(kBucketsPerTriangle * grid.range.size() + 1);
     const int shift = 64 - std::countr_zero(buckets);
     const auto bucket_of = [&](std::uint64_t cell) {
       return shift == 64 ? 0 : std::size_t(cell * 0x9e3779b97f4a7c15u >> shift);
