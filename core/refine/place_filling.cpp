@@ -81,6 +81,7 @@ Sheets sheets_of(const TriangleMesh& mesh, const std::vector<Index>& triangles) 
 struct Groups {
   std::vector<Index> gone, fresh;   // per triangle of PartChanges: its group
   std::vector<std::uint8_t> alike;  // per group: one sheet becomes one like it, with the same border
+  std::vector<int> lost;            // per group: by how much its Euler number falls
 
   Index count() const { return Index(alike.size()); }
 };
@@ -227,21 +228,76 @@ private:
   PartChanges certified(const TriangleMesh& skin, const CappedPart& part, const TriangleMesh& now,
                         const PartChanges& changes, const Replaced& replaced, PlaceFillingReport& report) const {
     const Groups groups = gather(part, now, changes, replaced);
-    std::vector<std::uint8_t> right = groups.alike;
     const std::vector<std::uint8_t> wrong =
         sets_gone_wrong(difference(part, now, changes, groups), skin, field_, lattice_, far_);
-    for (Index g = 0; g < groups.count(); ++g) {
-      right[g] = right[g] && !wrong[g];
-      ++(right[g] ? report.filled : report.left_out);
-    }
+    std::vector<std::uint8_t> right = groups.alike;
+    for (Index g = 0; g < groups.count(); ++g) right[g] = right[g] && !wrong[g];
+    add_even_ones(skin, part, now, changes, groups, wrong, right);
+    for (Index g = 0; g < groups.count(); ++g) ++(right[g] ? report.filled : report.left_out);
+    return of_groups(changes, groups, right);
+  }
+
+  static PartChanges of_groups(const PartChanges& changes, const Groups& groups,
+                               const std::vector<std::uint8_t>& wanted) {
     PartChanges kept = changes;
     kept.gone.clear();
     kept.fresh.clear();
     for (std::size_t i = 0; i < changes.gone.size(); ++i)
-      if (right[groups.gone[i]]) kept.gone.push_back(changes.gone[i]);
+      if (wanted[groups.gone[i]]) kept.gone.push_back(changes.gone[i]);
     for (std::size_t i = 0; i < changes.fresh.size(); ++i)
-      if (right[groups.fresh[i]]) kept.fresh.push_back(changes.fresh[i]);
+      if (wanted[groups.fresh[i]]) kept.fresh.push_back(changes.fresh[i]);
     return kept;
+  }
+
+  /// A gap in a sheet, or a thread, that has come where none was, and gone where one was, changes the topology of two
+  /// groups and not that of their piece: those come in together.
+  static void add_even_ones(const TriangleMesh& skin, const CappedPart& part, const TriangleMesh& now,
+                            const PartChanges& changes, const Groups& groups, const std::vector<std::uint8_t>& wrong,
+                            std::vector<std::uint8_t>& right) {
+    const auto odd = [&](Index g) { return !groups.alike[g] && !wrong[g]; };
+    bool any = false;
+    for (Index g = 0; g < groups.count(); ++g) any |= odd(g);
+    if (!any) return;
+    const MeshPieces pieces = mesh_pieces(skin);
+    std::vector<std::set<Index>> pieces_of_group(groups.count());
+    for (std::size_t i = 0; i < changes.gone.size(); ++i)
+      if (odd(groups.gone[i])) {
+        const Index v = part.mesh.vertex[3 * changes.gone[i]];
+        if (!part.is_centre(v)) pieces_of_group[groups.gone[i]].insert(pieces.of_vertex[part.vertex[v]]);
+      }
+    std::map<Index, std::vector<Index>> of_piece;
+    for (Index g = 0; g < groups.count(); ++g)
+      if (odd(g) && pieces_of_group[g].size() == 1) of_piece[*pieces_of_group[g].begin()].push_back(g);
+    for (const auto& [piece, some] : of_piece) {
+      int lost = 0;
+      std::vector<std::uint8_t> wanted(groups.count(), 0);
+      for (const Index g : some) {
+        lost += groups.lost[g];
+        wanted[g] = 1;
+      }
+      if (lost != 0) continue;
+      TriangleMesh after = skin;
+      put_back(part, now, of_groups(changes, groups, wanted), after);
+      if (!same_pieces(skin, pieces, after)) continue;
+      for (const Index g : some) right[g] = 1;
+    }
+  }
+
+  /// Do the vertices that stay hang together as they did, in pieces of the same Euler numbers, and are there no others?
+  static bool same_pieces(const TriangleMesh& before, const MeshPieces& pieces, const TriangleMesh& after) {
+    const MeshPieces pieces_after = mesh_pieces(after);
+    if (pieces.count() != pieces_after.count()) return false;
+    std::vector<Index> piece_of_id(before.next_id, kNone);
+    for (Index v = 0; v < before.vertex_count(); ++v) piece_of_id[before.vertices.id[v]] = pieces.of_vertex[v];
+    std::vector<Index> becomes(pieces.count(), kNone);
+    for (Index v = 0; v < after.vertex_count(); ++v) {
+      if (after.vertices.id[v] >= before.next_id) continue;
+      const Index was = piece_of_id[after.vertices.id[v]], is = pieces_after.of_vertex[v];
+      if (becomes[was] == kNone) becomes[was] = is;
+      if (becomes[was] != is || pieces.euler[was] != pieces_after.euler[is]) return false;
+    }
+    std::sort(becomes.begin(), becomes.end());
+    return becomes.back() != kNone && std::adjacent_find(becomes.begin(), becomes.end()) == becomes.end();
   }
 
   /// Sheets that have a border in common, and pieces that become each other.
@@ -280,7 +336,10 @@ private:
       ++tally[g][goes ? 0 : 1];
       tally[g][2] += goes ? gone.euler[i] : -fresh.euler[i - gone.count()];
     }
-    for (const auto& [goes, comes, gained] : tally) groups.alike.push_back(goes == 1 && comes == 1 && gained == 0);
+    for (const auto& [goes, comes, lost] : tally) {
+      groups.alike.push_back(goes == 1 && comes == 1 && lost == 0);
+      groups.lost.push_back(lost);
+    }
     for (const Index sheet : gone.of) groups.gone.push_back(number[sets.root(sheet)]);
     for (const Index sheet : fresh.of) groups.fresh.push_back(number[sets.root(gone.count() + sheet)]);
     return groups;

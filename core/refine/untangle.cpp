@@ -23,17 +23,35 @@ bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings,
   part_ = parts(skin);
   before_.resize(vertex_.size());
   for_each_index(before_.size(), [&](std::size_t i) { before_[i] = skin.position(vertex_[i]); });
-  std::vector<Vec3> middle(vertex_.size());
-  for (int sweep = 0; sweep < options_.sweeps; ++sweep) {
-    for_each_index(middle.size(), [&](std::size_t i) {
+  const std::vector<int> last = sweeps(skin);
+  std::vector<Index> going(vertex_.size());
+  std::iota(going.begin(), going.end(), Index{0});
+  for (int sweep = 0; !going.empty(); ++sweep) {
+    std::vector<Vec3> middle(going.size());
+    for_each_index(going.size(), [&](std::size_t k) {
+      const std::vector<Index>& ring = ring_[going[k]];
       Vec3 sum(0.0f);
-      for (const Index v : ring_[i]) sum += skin.position(v);
-      middle[i] = sum / float(ring_[i].size());
+      for (const Index v : ring) sum += skin.position(v);
+      middle[k] = sum / float(ring.size());
     });
     backend.project(middle, project, {});
-    for_each_index(middle.size(), [&](std::size_t i) { skin.vertices.position[vertex_[i]] = middle[i]; });
+    for_each_index(going.size(), [&](std::size_t k) { skin.vertices.position[vertex_[going[k]]] = middle[k]; });
+    std::erase_if(going, [&](Index i) { return last[i] <= sweep + 1; });
   }
   return true;
+}
+
+/// Per row: as many as what has been tried most often in its part wants.
+std::vector<int> Tangles::sweeps(const TriangleMesh& skin) const {
+  std::vector<int> tried(vertex_.size(), 0);  // under the number of each part
+  for (const Crossing& crossing : crossing_) {
+    if (!is_tried(crossing)) continue;
+    int& most = tried[part_[row_[skin.vertex[3 * crossing.a]]]];
+    most = std::max(most, times_tried(crossing));
+  }
+  std::vector<int> sweeps(vertex_.size());
+  for (Index i = 0; i < sweeps.size(); ++i) sweeps[i] = options_.sweeps[std::size_t(tried[part_[i]])];
+  return sweeps;
 }
 
 /// Sets vertex_, row_ and ring_: those of the crossings' triangles and some rings about them.
@@ -49,10 +67,10 @@ void Tangles::gather(const TriangleMesh& skin) {
   };
   // Those that go on for longest first, so that whoever meets a vertex goes on from it for as long as any.
   int most = 0;
-  std::vector<std::vector<Index>> triangles(std::size_t(options_.tries));
+  std::vector<std::vector<Index>> triangles(options_.sweeps.size());
   for (const Crossing& crossing : crossing_) {
     const int tried = times_tried(crossing);
-    if (tried == options_.tries) continue;
+    if (!is_tried(crossing)) continue;
     triangles[std::size_t(tried)].insert(triangles[std::size_t(tried)].end(), {crossing.a, crossing.b});
     most = std::max(most, tried);
   }

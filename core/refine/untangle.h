@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -13,9 +14,9 @@
 namespace isoskin {
 
 struct UntangleOptions {
-  int rings = 2;    // vertices so many edges from the triangles move
-  int tries = 3;    // in vain about a triangle, each with a ring more
-  int sweeps = 12;  // in which each goes to the middle of its neighbours, and onto the surface
+  int rings = 2;  // vertices so many edges from the triangles move; one more after each try in vain
+  std::array<int, 3> sweeps{12, 40, 4};  // a try's, in which each goes to the middle of its neighbours, and onto the
+                                         // surface: what many drag over a rim may lie well after few
 };
 
 /// Where triangles of a skin overlap, tried in turn. Costs what the places do. The skin's triangles stay what they are;
@@ -50,9 +51,10 @@ private:
   };
 
   void gather(const TriangleMesh& skin);
+  std::vector<int> sweeps(const TriangleMesh& skin) const;
   std::vector<Index> parts(const TriangleMesh& skin) const;
   int times_tried(const Crossing& crossing) const { return std::max(tried_[crossing.a], tried_[crossing.b]); }
-  bool is_tried(const Crossing& crossing) const { return times_tried(crossing) < options_.tries; }
+  bool is_tried(const Crossing& crossing) const { return times_tried(crossing) < int(options_.sweeps.size()); }
   Index row(const TriangleMesh& skin, Index triangle) const;
 
   UntangleOptions options_;
