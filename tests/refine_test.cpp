@@ -553,16 +553,17 @@ TEST(RefinedSkin, StatisticsAreThoseOfItsMesh) {
   TriangleMesh skin = test_meshes::torus(60, 12);
   backend->project(skin.vertices.position, kProject, {});
   RefinedSkin refined;
-  refined.update(skin, nullptr, *backend, {options(10.0f), kProject, 0.0, 0.01});
+  refined.update(skin, nullptr, *backend, {options(10.0f), kProject, 0.0, 0.01, 0.02});
   for (const bool flattened : {false, true}) {
     if (flattened) refined.flatten({skin.position(0)}, 0.5f);
     const ShapeStatistics told = refined.statistics(), whole = shape_statistics(refined.mesh().mesh);
-    EXPECT_EQ(told.min_angle, whole.min_angle);
+    EXPECT_LE(told.min_angle, whole.min_angle);
+    EXPECT_GT(told.min_angle + ShapeTally::kStep, whole.min_angle);
     EXPECT_LE(told.p1_angle, whole.p1_angle);
     EXPECT_GT(told.p1_angle + ShapeTally::kStep, whole.p1_angle);
     EXPECT_NEAR(told.mean_angle, whole.mean_angle, 1e-9);
     EXPECT_EQ(told.below_10_degrees, whole.below_10_degrees);
-    EXPECT_NEAR(told.mean_edge, whole.mean_edge, 1e-12);
+    EXPECT_NEAR(told.mean_edge, whole.mean_edge, 1e-11);
     EXPECT_NEAR(told.area, whole.area, 1e-9);
   }
 }

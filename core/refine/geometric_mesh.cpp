@@ -24,7 +24,8 @@ public:
         backend_(backend),
         options_(options),
         tolerance_(options.certify.tolerance) {
-    refining_ = {options.refine, options.project, field.resolution(), options.hidden_centre * tolerance_};
+    refining_ = {options.refine, options.project, field.resolution(), options.hidden_centre * tolerance_,
+                 options.edge_length};
     refining_.project.reach = float(options.edge_length);
     kept.refined_triangles_ = 0;
   }
@@ -108,7 +109,8 @@ public:
     RefineOptions as_it_is = options_.refine;
     as_it_is.passes = 0;
     RefinedSkin done;
-    done.update(kept_.mesh().mesh, nullptr, backend_, {as_it_is, refining_.project, refining_.voxel, refining_.stray});
+    done.update(kept_.mesh().mesh, nullptr, backend_,
+                {as_it_is, refining_.project, refining_.voxel, refining_.stray, refining_.unit});
     report = report_;
     report.still_hidden = look(options_.hidden_corner * tolerance_).size() + done.strays().size();
   }

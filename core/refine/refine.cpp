@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
-#include <tuple>
+#include <utility>
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
@@ -51,6 +51,38 @@ bool differ(const Vec3& a, const Vec3& b, float cosine) {
 }
 
 }  // namespace
+
+void SplitTable::add(const KnownSplit& split) {
+  if (2 * count_ >= split_.size()) grow();
+  KnownSplit& place = split_[slot(split.a, split.b)];
+  if (place.a != kNone) return;
+  place = split;
+  ++count_;
+}
+
+const KnownSplit* SplitTable::find(Index a, Index b) const {
+  if (split_.empty()) return nullptr;
+  const KnownSplit& place = split_[slot(a, b)];
+  return place.a == kNone ? nullptr : &place;
+}
+
+/// The edge's, or the empty one that it would have.
+std::size_t SplitTable::slot(Index a, Index b) const {
+  std::uint64_t x = (std::uint64_t(a) << 32 | b) * 0x9e3779b97f4a7c15u;
+  x ^= x >> 32;
+  for (std::size_t at = x;; ++at) {
+    const KnownSplit& place = split_[at & (split_.size() - 1)];
+    if (place.a == kNone || (place.a == a && place.b == b)) return at & (split_.size() - 1);
+  }
+}
+
+void SplitTable::grow() {
+  constexpr std::size_t kFirst = 1024;
+  const std::vector<KnownSplit> before =
+      std::exchange(split_, std::vector<KnownSplit>(std::max(kFirst, 2 * split_.size())));
+  for (const KnownSplit& split : before)
+    if (split.a != kNone) split_[slot(split.a, split.b)] = split;
+}
 
 /// One refinement in progress.
 class Refiner::Passes {
@@ -165,14 +197,10 @@ private:
   }
 
   /// Of an edge that is split in this pass, else null.
-  const KnownSplits::Split* known_split(Index h) const {
+  const KnownSplit* known_split(Index h) const {
     const Index from = name_[mesh().from(h)], to = name_[mesh().to(h)];
-    const KnownSplits::Split wanted{std::min(from, to), std::max(from, to)};
-    const auto at =
-        std::lower_bound(known_->split.begin(), known_->split.end(), wanted,
-                         [](const auto& p, const auto& q) { return std::tie(p.a, p.b) < std::tie(q.a, q.b); });
-    const bool found = at != known_->split.end() && at->a == wanted.a && at->b == wanted.b && at->pass == pass_;
-    return found ? &*at : nullptr;
+    const KnownSplit* const found = known_->split.find(std::min(from, to), std::max(from, to));
+    return found && found->pass == pass_ ? found : nullptr;
   }
 
   Vec3 midpoint(Index h) const { return 0.5f * (position(mesh().from(h)) + position(mesh().to(h))); }

@@ -58,15 +58,32 @@ struct Refinement {
   std::vector<CentroidSample> centroid;  // per triangle of `geometric`
 };
 
-/// Of a part of a mesh: how triangles about its border are split, known from another refinement. Vertices have names
-/// there.
+/// An edge that is split. Vertices have names where it is known from.
+struct KnownSplit {
+  Index a = kNone, b = kNone;  // its ends, a < b
+  Index middle = kNone;
+  int pass = 0;
+};
+
+/// Such edges by their ends.
+class SplitTable {
+public:
+  /// Once for each edge counts.
+  void add(const KnownSplit& split);
+  /// Null where there is none.
+  const KnownSplit* find(Index a, Index b) const;
+
+private:
+  std::size_t slot(Index a, Index b) const;
+  void grow();
+
+  std::vector<KnownSplit> split_;  // open addressing, a power of two, at most half of it full
+  std::size_t count_ = 0;
+};
+
+/// Of a part of a mesh: how triangles about its border are split, known from another refinement.
 struct KnownSplits {
-  struct Split {
-    Index a = kNone, b = kNone;  // the edge's ends, a < b
-    Index middle = kNone;
-    int pass = 0;
-  };
-  std::vector<Split> split;            // by a, then b
+  SplitTable split;
   std::vector<std::uint8_t> triangle;  // of the part: 1 where these and no other edges are split
   std::vector<Index> name;             // of the part's vertices, kNone without one
 };

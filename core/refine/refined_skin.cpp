@@ -15,6 +15,7 @@
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
+#include "core/refine/skin_match.h"
 #include "core/trace.h"
 
 namespace isoskin {
@@ -25,39 +26,9 @@ constexpr int kTries = 6;
 constexpr int kLeastRings = 4;        // about what has changed; the two outermost must come out as they were
 constexpr int kHalo = 2;              // rings beyond, whose splits are known
 constexpr std::size_t kBlock = 4096;  // triangles
-constexpr int kAhead = 64;            // triangles looked through for one that lies farther on than it did
 
 bool same_bits(const Vec3& a, const Vec3& b) {
   return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
-}
-
-/// Rows of the old columns that are still there: for each new one the old, kNone without one. Both lie in about the
-/// same order, since edits append and drop; what does not is taken for new.
-std::vector<Index> match_ids(const std::vector<Index>& before, std::size_t old_count, const std::vector<Index>& after) {
-  std::vector<Index> old(after.size(), kNone);
-  std::size_t at = 0;
-  for (std::size_t v = 0; v < after.size(); ++v) {
-    while (at < old_count && before[at] < after[v]) ++at;
-    if (at < old_count && before[at] == after[v]) old[v] = Index(at++);
-  }
-  return old;
-}
-
-/// The rows of a column that stay, in their new order; others are as new.
-template <class T>
-void renumber(std::vector<T>& column, const std::vector<Index>& old) {
-  std::vector<T> next(old.size());
-  for_each_index(old.size(), [&](std::size_t i) {
-    if (old[i] != kNone) next[i] = column[old[i]];
-  });
-  column = std::move(next);
-}
-
-bool is_identity(const std::vector<Index>& old, std::size_t count) {
-  if (old.size() != count) return false;
-  for (std::size_t i = 0; i < count; ++i)
-    if (old[i] != i) return false;
-  return true;
 }
 
 /// A column seldom grows, and then by little.
@@ -68,13 +39,15 @@ void make_room(std::vector<T>& column, std::size_t size) {
   if (column.size() < size) column.resize(size);
 }
 
-/// Do the stretches follow on each other, up to the end?
-bool in_one_piece(const std::vector<Rows>& rows, std::size_t first, std::size_t end) {
-  for (const Rows& r : rows) {
-    if (r.count > 0 && r.first != first) return false;
-    first += r.count;
-  }
-  return first == end;
+/// As fast as memory is.
+template <class T>
+void copy_column(const std::vector<T>& from, std::vector<T>& to) {
+  constexpr std::size_t kRun = 16384;
+  to.resize(from.size());
+  tbb::parallel_for(std::size_t{0}, (from.size() + kRun - 1) / kRun, [&](std::size_t b) {
+    const std::size_t first = b * kRun, count = std::min(kRun, from.size() - first);
+    std::copy_n(from.begin() + std::ptrdiff_t(first), count, to.begin() + std::ptrdiff_t(first));
+  });
 }
 
 }  // namespace
@@ -88,14 +61,13 @@ double distance_estimate(double value, double slope, double voxel) {
 class RefinedSkin::Update {
 public:
   Update(RefinedSkin& last, const TriangleMesh& skin, Backend& backend, const RefinedSkinOptions& options)
-      : last_(last), skin_(skin), backend_(backend), options_(options) {}
+      : last_(last), skin_(skin), backend_(backend), options_(options), match_(last.skin_.id, last.vertex_, skin) {}
 
   /// False when refining everything is cheaper; nothing has been done then.
   bool run(const FieldChanges& changes) {
-    match_triangles();
     last_.carried_ = false;
     std::vector<Index> changed = changed_triangles(changes);
-    if (changed.empty() && unaltered()) {
+    if (changed.empty() && match_.is_identity()) {
       last_.changed_.emplace();
       last_.refined_triangles_ = 0;
       return true;
@@ -120,77 +92,32 @@ public:
   }
 
 private:
-  std::size_t old_vertex_count() const { return last_.corner_.size(); }
+  Index old_vertex(Index v) const { return match_.old_vertex(v); }
+  Index old_triangle(Index t) const { return match_.old_triangle(t); }
   const Vec3& old_position(Index v) const { return last_.position(last_.corner_[v]); }
   const TriangleMesh& part_mesh() const { return part_.geometric.mesh; }
   bool inner(Index t) const { return distance_[t] <= rings_; }
   bool core(Index t) const { return distance_[t] <= rings_ - 2; }
   bool guard(Index t) const { return inner(t) && !core(t); }
-  bool unaltered() const {
-    return is_identity(old_vertex_, old_vertex_count()) && is_identity(old_triangle_, last_.child_.size());
-  }
-
-  /// Triangles of the old skin with the same corners by id, first corner first.
-  void match_triangles() {
-    old_vertex_ = match_ids(last_.skin_.id, old_vertex_count(), skin_.vertices.id);
-    new_vertex_.assign(old_vertex_count(), kNone);
-    for (Index v = 0; v < old_vertex_.size(); ++v)
-      if (old_vertex_[v] != kNone) new_vertex_[old_vertex_[v]] = v;
-    const std::size_t old_count = last_.vertex_.size() / 3;
-    old_triangle_.assign(skin_.triangle_count(), kNone);
-    const std::size_t count = old_triangle_.size(), blocks = (count + kBlock - 1) / kBlock;
-    std::vector<std::size_t> start(blocks, 0);
-    for (std::size_t b = 1; b < blocks; ++b) start[b] = where_block_begins(b * kBlock, start[b - 1], old_count);
-    tbb::parallel_for(std::size_t{0}, blocks, [&](std::size_t b) {
-      std::size_t at = start[b];
-      for (std::size_t t = b * kBlock; t < std::min(count, (b + 1) * kBlock); ++t) {
-        const std::array<Index, 3> wanted = old_corners(t);
-        if (wanted[0] == kNone || wanted[1] == kNone || wanted[2] == kNone) continue;
-        while (at < old_count && gone(at)) ++at;
-        const std::size_t found = find(wanted, at, std::min(old_count, at + kAhead));
-        if (found == old_count) continue;
-        old_triangle_[t] = Index(found);
-        at = found + 1;
-      }
-    });
-  }
-
-  std::array<Index, 3> old_corners(std::size_t t) const {
-    const Index* v = &skin_.vertex[3 * t];
-    return {old_vertex_[v[0]], old_vertex_[v[1]], old_vertex_[v[2]]};
-  }
-  bool gone(std::size_t old) const {
-    const Index* v = &last_.vertex_[3 * old];
-    return new_vertex_[v[0]] == kNone || new_vertex_[v[1]] == kNone || new_vertex_[v[2]] == kNone;
-  }
-  /// The old triangle from `at` to `end` with these corners, else the number of all.
-  std::size_t find(const std::array<Index, 3>& corners, std::size_t at, std::size_t end) const {
-    for (; at < end; ++at)
-      if (std::equal(corners.begin(), corners.end(), &last_.vertex_[3 * at])) return at;
-    return last_.vertex_.size() / 3;
-  }
-  /// About where triangle t is among the old ones, when `last` is where the block before begins there: some have come
-  /// in between, or gone.
-  std::size_t where_block_begins(std::size_t t, std::size_t last, std::size_t old_count) const {
-    constexpr std::size_t kTriangles = 8, kCome = kBlock / 2, kGone = 2 * kBlock;
-    const std::size_t least = std::min(old_count, last + kBlock - kCome);
-    for (std::size_t k = t; k < std::min(t + kTriangles, old_triangle_.size()); ++k) {
-      const std::size_t found = find(old_corners(k), least, std::min(old_count, least + kCome + kGone));
-      if (found < old_count) return found;
-    }
-    return std::min(old_count, last + kBlock);
-  }
 
   std::vector<Index> changed_triangles(const FieldChanges& changes) const {
     std::vector<std::uint8_t> moved(skin_.vertex_count());
     for_each_index(moved.size(), [&](std::size_t v) {
-      moved[v] = old_vertex_[v] == kNone || !same_bits(skin_.position(Index(v)), old_position(old_vertex_[v]));
+      const Index old = old_vertex(Index(v));
+      moved[v] = old == kNone || !same_bits(skin_.position(Index(v)), old_position(old));
     });
-    const ChangeMask mask(changes, double(options_.project.reach));
+    const double reach = double(options_.project.reach);
+    const ChangeMask mask(changes, reach);
+    Box all;  // asked first: most triangles are far from all changes
+    for (const Box& box : changes.box) all.add(box.grown(reach));
     return indices_where(skin_.triangle_count(), [&](Index t) {
-      const Index* v = &skin_.vertex[3 * t];
-      return old_triangle_[t] == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]] ||
-             (!mask.empty() && mask.overlaps(last_.bounds_[old_triangle_[t]].box()));
+      const Index *v = &skin_.vertex[3 * t], old = old_triangle(t);
+      if (old == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]]) return true;
+      if (mask.empty()) return false;
+      const Box bounds = last_.bounds(old).box();
+      const bool far = bounds.low.x > all.high.x || bounds.high.x < all.low.x || bounds.low.y > all.high.y ||
+                       bounds.high.y < all.low.y || bounds.low.z > all.high.z || bounds.high.z < all.low.z;
+      return !far && mask.overlaps(bounds);
     });
   }
 
@@ -220,7 +147,7 @@ private:
   /// New vertices that an old triangle and its neighbours have in common are not all its own.
   template <class Wanted>
   bool any_old_vertex(Index t, const Wanted& wanted) const {
-    const Rows child = last_.child_[old_triangle_[t]];
+    const Rows child = last_.child(old_triangle(t));
     for (Index h = 3 * child.first; h < 3 * (child.first + child.count); ++h) {
       const Index row = last_.geometric_.mesh.vertex[h];
       if (last_.is_new(row) && wanted(row)) return true;
@@ -250,7 +177,7 @@ private:
         if (local_vertex[v] == kNone) {
           local_vertex[v] = Index(vertex_.size());
           vertex_.push_back(v);
-          known.name.push_back(old_vertex_[v] == kNone ? kNone : last_.corner_[old_vertex_[v]]);
+          known.name.push_back(old_vertex(v) == kNone ? kNone : last_.corner_[old_vertex(v)]);
         }
         part.vertex.push_back(local_vertex[v]);
         part.twin.push_back(other == kNone ? kNone : 3 * other + skin_.twin[h] % 3);
@@ -259,8 +186,6 @@ private:
       if (!inner(t)) add_splits(t, known.split);
     }
     part.vertices = skin_.vertices.select(vertex_);
-    const auto sooner = [](const auto& p, const auto& q) { return std::tie(p.a, p.b) < std::tie(q.a, q.b); };
-    std::sort(known.split.begin(), known.split.end(), sooner);
     Refiner refiner(part, known, backend_, options_.refine, options_.project);
     for (int pass = 0; pass < options_.refine.passes; ++pass) refiner.pass();
     part_ = refiner.finish();
@@ -269,22 +194,22 @@ private:
       std::fill(owner_of_part_.begin() + part_.first_vertex[t], owner_of_part_.begin() + part_.first_vertex[t + 1], t);
   }
 
-  void add_splits(Index t, std::vector<KnownSplits::Split>& splits) const {
+  void add_splits(Index t, SplitTable& splits) const {
     any_old_vertex(t, [&](Index row) {
       const auto [a, b] = last_.geometric_.parent_edge[row];
-      splits.push_back({std::min(a, b), std::max(a, b), row, int(last_.birth_[row].pass)});
+      splits.add({std::min(a, b), std::max(a, b), row, int(last_.birth_[row].pass)});
       return false;
     });
   }
 
   /// The row of a vertex of the part, were its owner as it had been; kNone where it has no counterpart.
   Index old_row(Index v) const {
-    if (v < vertex_.size()) return old_vertex_[vertex_[v]] == kNone ? kNone : last_.corner_[old_vertex_[vertex_[v]]];
+    if (v < vertex_.size()) return old_vertex(vertex_[v]) == kNone ? kNone : last_.corner_[old_vertex(vertex_[v])];
     const Index fresh = v - Index(vertex_.size()), owner = owner_of_part_[fresh];
-    const Index o = old_triangle_[triangle_[owner]];
+    const Index o = old_triangle(triangle_[owner]);
     if (o == kNone) return kNone;
     const Index k = fresh - part_.first_vertex[owner];
-    return k < last_.fresh_[o].count ? last_.fresh_[o].first + k : kNone;
+    return k < last_.fresh(o).count ? last_.fresh(o).first + k : kNone;
   }
 
   /// Is it where the old one is, and came as that did, without having been put back?
@@ -302,9 +227,9 @@ private:
   std::vector<Index> come_out_otherwise() const {
     return among_triangles([&](Index i) {
       if (!guard(triangle_[i])) return false;
-      const Index o = old_triangle_[triangle_[i]];
-      const Rows child = last_.child_[o];
-      bool same = part_children(i) == child.count && part_vertices(i) == last_.fresh_[o].count;
+      const Index o = old_triangle(triangle_[i]);
+      const Rows child = last_.child(o);
+      bool same = part_children(i) == child.count && part_vertices(i) == last_.fresh(o).count;
       for (Index k = 0; same && k < 3 * child.count; ++k)
         same = same_vertex(part_mesh().vertex[3 * part_.first_child[i] + k],
                            last_.geometric_.mesh.vertex[3 * child.first + k]);
@@ -330,7 +255,7 @@ private:
     last_.changed_.emplace();
     take_out();
     list_strays();
-    const bool same_order = last_.ordered_ && keeps_numbers();
+    same_rows_ = keeps_numbers();
     renumber_all();
     find_rows();
     for_each_index(triangle_.size(), [&](std::size_t i) {
@@ -344,77 +269,83 @@ private:
       last_.birth_[row] = {};
     }
     for_each_index(triangle_.size(), [&](std::size_t i) {
-      if (core(triangle_[i])) last_.bounds_[triangle_[i]] = last_.bounds(triangle_[i]);
+      if (core(triangle_[i])) last_.bounds_[last_.slot_[triangle_[i]]] = last_.find_bounds(triangle_[i]);
     });
     for (const Index t : triangle_)
-      if (core(t)) last_.changed_->push_back(last_.bounds_[t].box());
+      if (core(t)) last_.changed_->push_back(last_.bounds(t).box());
     list_crossings();
-    last_.ordered_ = same_order && in_one_piece(last_.child_, 0, last_.geometric_.parent_triangle.size()) &&
-                     in_one_piece(last_.fresh_, last_.corner_.size(), last_.birth_.size());
+    last_.ordered_ = last_.ordered_ && same_rows_;
     last_.refined_triangles_ = triangle_.size();
   }
 
-  /// Triangles that go or are of the core; sets new_triangle_.
+  /// Triangles that go or are of the core.
   void take_out() {
-    new_triangle_.assign(last_.child_.size(), kNone);
-    for_each_index(old_triangle_.size(), [&](std::size_t t) {
-      if (old_triangle_[t] != kNone) new_triangle_[old_triangle_[t]] = Index(t);
+    const std::vector<Index> out = indices_where(match_.old_triangles(), [&](Index o) {
+      const Index t = match_.new_triangle(o);
+      return t == kNone || core(t);
     });
-    const std::vector<Index> out = indices_where(
-        new_triangle_.size(), [&](Index o) { return new_triangle_[o] == kNone || core(new_triangle_[o]); });
-    for_each_index(out.size(), [&](std::size_t i) { last_.count(out[i], -1); });
+    last_.count_shapes(out, -1);
     for (const Index o : out) {
-      last_.changed_->push_back(last_.bounds_[o].box());
-      last_.triangles_ -= last_.child_[o].count;
+      last_.changed_->push_back(last_.bounds(o).box());
+      last_.triangles_ -= last_.child(o).count;
+      if (match_.new_triangle(o) == kNone) gone_.push_back(o);
     }
   }
 
-  /// Are all triangles and vertices of the skin that stay what they were by number?
+  /// Are all triangles and vertices of the skin that stay what they were by number, and as many?
   bool keeps_numbers() const {
-    for (Index t = 0; t < old_triangle_.size(); ++t)
-      if (old_triangle_[t] != t && !(old_triangle_[t] == kNone && t < new_triangle_.size())) return false;
-    return is_identity(old_vertex_, old_vertex_count()) && old_triangle_.size() == new_triangle_.size();
+    if (match_.is_identity()) return true;
+    if (match_.old_vertices() != match_.vertices() || match_.old_triangles() != match_.triangles()) return false;
+    for (Index v = 0; v < match_.vertices(); ++v)
+      if (old_vertex(v) != v) return false;
+    for (Index t = 0; t < match_.triangles(); ++t)
+      if (old_triangle(t) != t && old_triangle(t) != kNone) return false;
+    return true;
   }
 
   void renumber_all() {
-    for (Index o = 0; o < new_triangle_.size(); ++o)
-      if (new_triangle_[o] == kNone) {
-        last_.free_children_.give_back(last_.child_[o]);
-        last_.free_vertices_.give_back(last_.fresh_[o]);
-      }
-    if (!is_identity(old_triangle_, last_.child_.size())) {
-      renumber(last_.child_, old_triangle_);
-      renumber(last_.fresh_, old_triangle_);
-      renumber(last_.bounds_, old_triangle_);
-      if (!last_.shape_.empty()) renumber(last_.shape_, old_triangle_);
+    if (match_.is_identity()) return;
+    for (const Index o : gone_) {
+      last_.free_children_.give_back(std::exchange(last_.child_[last_.slot_[o]], {}));
+      last_.free_vertices_.give_back(std::exchange(last_.fresh_[last_.slot_[o]], {}));
+      last_.free_slots_.push_back(last_.slot_[o]);
     }
-    if (is_identity(old_vertex_, old_vertex_count())) return;
-    for (Index o = 0; o < new_vertex_.size(); ++o)
-      if (new_vertex_[o] == kNone) last_.free_vertices_.give_back({last_.corner_[o], 1});
-    std::vector<Index> corner(old_vertex_.size(), kNone);
-    for (Index v = 0; v < corner.size(); ++v)
-      if (old_vertex_[v] != kNone) corner[v] = last_.corner_[old_vertex_[v]];
+    std::vector<Index> slot(match_.triangles()), corner(match_.vertices());
+    for_each_index(slot.size(), [&](std::size_t t) {
+      const Index o = old_triangle(Index(t));
+      slot[t] = o == kNone ? kNone : last_.slot_[o];
+    });
+    for_each_index(corner.size(), [&](std::size_t v) {
+      const Index o = old_vertex(Index(v));
+      corner[v] = o == kNone ? kNone : last_.corner_[o];
+    });
+    for (Index o = 0; o < match_.old_vertices(); ++o)
+      if (match_.new_vertex(o) == kNone) last_.free_vertices_.give_back({last_.corner_[o], 1});
+    last_.slot_ = std::move(slot);
     last_.corner_ = std::move(corner);
+    for (const Index t : triangle_)
+      if (last_.slot_[t] == kNone) last_.slot_[t] = last_.new_slot();
   }
 
   /// For what came in the core, where what was there does not have as many.
   void find_rows() {
     GeometricMesh& out = last_.geometric_;
     Index child_end = Index(out.mesh.triangle_count()), vertex_end = Index(out.mesh.vertex_count());
-    const auto fit = [](Rows& rows, Index count, RowPool& free, Index& end) {
+    const auto fit = [&](Rows& rows, Index count, RowPool& free, Index& end) {
       if (rows.count == count) return;
+      same_rows_ = false;
       free.give_back(rows);
       rows = free.take(count, end);
     };
     for (Index i = 0; i < triangle_.size(); ++i) {
       if (!core(triangle_[i])) continue;
-      fit(last_.child_[triangle_[i]], part_children(i), last_.free_children_, child_end);
-      fit(last_.fresh_[triangle_[i]], part_vertices(i), last_.free_vertices_, vertex_end);
+      const Index slot = last_.slot_[triangle_[i]];
+      fit(last_.child_[slot], part_children(i), last_.free_children_, child_end);
+      fit(last_.fresh_[slot], part_vertices(i), last_.free_vertices_, vertex_end);
       last_.triangles_ += part_children(i);
-      if (!last_.shape_.empty()) last_.shape_[triangle_[i]] = {};
     }
-    for (Index& row : last_.corner_)
-      if (row == kNone) row = last_.free_vertices_.take(1, vertex_end).first;
+    for (const Index v : indices_where(last_.corner_.size(), [&](Index v) { return last_.corner_[v] == kNone; }))
+      last_.corner_[v] = last_.free_vertices_.take(1, vertex_end).first;
     make_room(out.mesh.vertex, 3 * std::size_t(child_end));
     make_room(out.mesh.twin, 3 * std::size_t(child_end));
     make_room(out.parent_triangle, child_end);
@@ -427,12 +358,12 @@ private:
   Index new_row(Index v) const {
     if (v < vertex_.size()) return last_.corner_[vertex_[v]];
     const Index fresh = v - Index(vertex_.size()), owner = owner_of_part_[fresh];
-    return last_.fresh_[triangle_[owner]].first + fresh - part_.first_vertex[owner];
+    return last_.fresh(triangle_[owner]).first + fresh - part_.first_vertex[owner];
   }
 
   Index new_child_row(Index c) const {
     const Index owner = part_.geometric.parent_triangle[c];
-    return last_.child_[triangle_[owner]].first + c - part_.first_child[owner];
+    return last_.child(triangle_[owner]).first + c - part_.first_child[owner];
   }
 
   /// Triangle i of the part.
@@ -441,7 +372,7 @@ private:
     const Index t = triangle_[i];
     for (Index k = 0; k < part_vertices(i); ++k) {
       const Index fresh = part_.first_vertex[i] + k, source = Index(vertex_.size()) + fresh;
-      const Index row = last_.fresh_[t].first + k;
+      const Index row = last_.fresh(t).first + k;
       const auto [a, b] = part_.geometric.parent_edge[source];
       out.mesh.vertices.position[row] = part_mesh().position(source);
       out.normal[row] = part_.geometric.normal[source];
@@ -462,22 +393,24 @@ private:
   void list_strays() {
     std::vector<Stray> kept, fresh, all;
     for (Stray stray : last_.stray_) {
-      stray.triangle = new_triangle_[stray.triangle];
+      stray.triangle = match_.new_triangle(stray.triangle);
       if (stray.triangle != kNone && !inner(stray.triangle)) kept.push_back(stray);
     }
     for (Index i = 0; i < triangle_.size(); ++i)
       if (inner(triangle_[i])) last_.find_strays(part_, i, triangle_[i], options_, fresh);
-    std::merge(
-        kept.begin(), kept.end(), fresh.begin(), fresh.end(), std::back_inserter(all),
-        [](const Stray& p, const Stray& q) { return std::tie(p.triangle, p.child) < std::tie(q.triangle, q.child); });
+    const auto sooner = [](const Stray& p, const Stray& q) {
+      return std::tie(p.triangle, p.child) < std::tie(q.triangle, q.child);
+    };
+    std::sort(kept.begin(), kept.end(), sooner);
+    std::merge(kept.begin(), kept.end(), fresh.begin(), fresh.end(), std::back_inserter(all), sooner);
     last_.stray_ = std::move(all);
   }
 
   void list_crossings() {
     std::vector<Crossing> kept;
     for (Crossing crossing : last_.crossing_) {
-      crossing.a = new_triangle_[crossing.a];
-      crossing.b = new_triangle_[crossing.b];
+      crossing.a = match_.new_triangle(crossing.a);
+      crossing.b = match_.new_triangle(crossing.b);
       if (crossing.a == kNone || crossing.b == kNone || core(crossing.a) || core(crossing.b)) continue;
       if (crossing.a > crossing.b) {
         std::swap(crossing.a, crossing.b);
@@ -490,7 +423,8 @@ private:
     std::vector<std::uint8_t> unlooked(skin_.triangle_count());
     if (!last_.unlooked_.empty())
       for_each_index(unlooked.size(), [&](std::size_t t) {
-        unlooked[t] = old_triangle_[t] != kNone && last_.unlooked_[old_triangle_[t]];
+        const Index o = old_triangle(Index(t));
+        unlooked[t] = o != kNone && last_.unlooked_[o];
       });
     for (const Index t : triangle_) unlooked[t] |= core(t);
     last_.unlooked_ = std::move(unlooked);
@@ -503,14 +437,28 @@ private:
   Backend& backend_;
   const RefinedSkinOptions& options_;
   int rings_ = kLeastRings;
-  std::vector<Index> old_vertex_, new_vertex_;      // of the skin as it was, as it is; kNone without counterpart
-  std::vector<Index> old_triangle_, new_triangle_;  // the same
-  std::vector<std::uint8_t> distance_;              // per triangle
-  std::vector<Index> triangle_, vertex_;            // of the part, in the skin
-  std::vector<Index> local_triangle_;               // of the skin, in the part
-  std::vector<Index> owner_of_part_;                // per new vertex of the part: a triangle of it
+  const SkinMatch match_;
+  std::vector<std::uint8_t> distance_;    // per triangle
+  std::vector<Index> triangle_, vertex_;  // of the part, in the skin
+  std::vector<Index> local_triangle_;     // of the skin, in the part
+  std::vector<Index> owner_of_part_;      // per new vertex of the part: a triangle of it
   Refinement part_;
+  std::vector<Index> gone_;  // triangles of the skin as it was
+  bool same_rows_ = false;   // everything lies where it lay
 };
+
+Index RefinedSkin::new_slot() {
+  if (!free_slots_.empty()) {
+    const Index slot = free_slots_.back();
+    free_slots_.pop_back();
+    return slot;
+  }
+  child_.emplace_back();
+  fresh_.emplace_back();
+  bounds_.emplace_back();
+  if (!counted_.empty()) counted_.push_back(0);
+  return Index(child_.size() - 1);
+}
 
 void RefinedSkin::find_strays(const Refinement& refined, Index at, Index triangle, const RefinedSkinOptions& options,
                               std::vector<Stray>& found) {
@@ -528,10 +476,11 @@ void RefinedSkin::update(const TriangleMesh& skin, const FieldChanges* changes, 
                          const RefinedSkinOptions& options) {
   if (!lifted_.empty()) {
     geometric_.mesh.vertices.position = std::exchange(lifted_, {});
-    shape_.clear();
+    counted_.clear();
   }
+  unit_ = options.unit;
   const std::optional<std::vector<Box>> changed_before = std::move(changed_);
-  const bool goes_on = changes && !changes->everywhere && !changes->rounded_anew && !child_.empty() &&
+  const bool goes_on = changes && !changes->everywhere && !changes->rounded_anew && !slot_.empty() &&
                        std::isfinite(options.project.reach);
   if (!goes_on || !Update(*this, skin, backend, options).run(*changes)) refine_whole(skin, backend, options);
   if (options.adds_changes && changed_ && changed_before)
@@ -542,9 +491,11 @@ void RefinedSkin::update(const TriangleMesh& skin, const FieldChanges* changes, 
 }
 
 void RefinedSkin::remember(const TriangleMesh& skin) {
-  tbb::parallel_invoke([&] { skin_.rest = skin.vertices.rest; }, [&] { skin_.velocity = skin.vertices.velocity; },
-                       [&] { skin_.id = skin.vertices.id; }, [&] { skin_.age = skin.vertices.age; },
-                       [&] { vertex_ = skin.vertex; });
+  copy_column(skin.vertices.rest, skin_.rest);
+  copy_column(skin.vertices.velocity, skin_.velocity);
+  copy_column(skin.vertices.age, skin_.age);
+  copy_column(skin.vertices.id, skin_.id);
+  copy_column(skin.vertex, vertex_);
   skin_next_id_ = skin.next_id;
 }
 
@@ -561,8 +512,11 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   stray_.clear();
   for (const auto& some : strays) stray_.insert(stray_.end(), some.begin(), some.end());
   const Index corners = Index(skin.vertex_count());
-  child_.resize(skin.triangle_count());
-  fresh_.resize(skin.triangle_count());
+  slot_.resize(skin.triangle_count());
+  std::iota(slot_.begin(), slot_.end(), Index{0});
+  free_slots_.clear();
+  child_.resize(slot_.size());
+  fresh_.resize(slot_.size());
   for_each_index(skin.triangle_count(), [&](std::size_t t) {
     child_[t] = {refined.first_child[t], refined.first_child[t + 1] - refined.first_child[t]};
     fresh_[t] = {corners + refined.first_vertex[t], refined.first_vertex[t + 1] - refined.first_vertex[t]};
@@ -573,12 +527,12 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   birth_.insert(birth_.end(), refined.birth.begin(), refined.birth.end());
   geometric_ = std::move(refined.geometric);
   triangles_ = geometric_.mesh.triangle_count();
-  bounds_.resize(skin.triangle_count());
-  for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = bounds(Index(t)); });
+  bounds_.resize(slot_.size());
+  for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = find_bounds(Index(t)); });
   crossing_.clear();
   unlooked_.assign(skin.triangle_count(), 1);
   free_children_ = free_vertices_ = {};
-  shape_.clear();
+  counted_.clear();
   without_normal_.clear();
   ordered_ = carried_ = true;
   normals_replaced_ = false;

@@ -8,9 +8,11 @@
 
 #include "core/backend.h"
 #include "core/field/field_changes.h"
+#include "core/mesh/independent_edits.h"
+#include "core/parallel.h"
 #include "core/refine/refine.h"
 #include "core/refine/row_pool.h"
-#include "core/refine/shape_tally.h"
+#include "core/refine/shape_sums.h"
 
 namespace isoskin {
 
@@ -19,6 +21,7 @@ struct RefinedSkinOptions {
   ProjectOptions project;     // its reach must be finite for anything to be kept
   double voxel = 0.0;         // of the field; 0: it holds no distances
   double stray = 0.25;        // centroids farther from the surface than this are reported, world units
+  double unit = 1.0;          // of statistics' sums, see ShapeSums; world units
   bool adds_changes = false;  // changed() goes on telling what it told before the update, too
 };
 
@@ -48,7 +51,7 @@ public:
   /// has changed lies where there was room for it.
   const GeometricMesh& mesh() const;
   std::size_t triangle_count() const { return triangles_; }
-  /// Of mesh(), without putting it in order; its p1_angle is a multiple of ShapeTally::kStep.
+  /// Of mesh(), without putting it in order; as ShapeSums tells them.
   ShapeStatistics statistics() const;
   /// The triangles of those of the skin whose triangles are reached together, each with corners of its own.
   template <class Reaches>
@@ -90,29 +93,36 @@ private:
   bool is_new(Index row) const { return birth_[row].pass != 0; }
   const Vec3& position(Index row) const { return geometric_.mesh.vertices.position[row]; }
   std::array<Vec3, 3> corners(Index child) const;
-  Bounds bounds(Index triangle) const;
+  const Rows& child(Index triangle) const { return child_[slot_[triangle]]; }
+  const Rows& fresh(Index triangle) const { return fresh_[slot_[triangle]]; }
+  const Bounds& bounds(Index triangle) const { return bounds_[slot_[triangle]]; }
+  Bounds find_bounds(Index triangle) const;
   std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
   std::vector<std::uint8_t> plain_vertices(const TriangleMesh& skin, const std::vector<Index>& some) const;
-  void count(Index triangle, int times) const;
+  Index new_slot();
+  void count_shapes(const std::vector<Index>& triangles, int times) const;
   void put_in_order() const;
   void carry_attributes() const;
   void replace_normals() const;
 
   // What mesh() shows; until it is asked for with rows in any order and gaps between them, and without attributes.
   mutable GeometricMesh geometric_;
-  mutable std::vector<Birth> birth_;         // per row of vertices, pass 0: the skin's
-  mutable std::vector<Rows> child_, fresh_;  // per triangle of the skin: its children and the new vertices it owns
+  mutable std::vector<Birth> birth_;  // per row of vertices, pass 0: the skin's
+  // What is kept by triangle of the skin lies in slots, which stay where edits change numbers.
+  std::vector<Index> slot_;  // per triangle of the skin
+  std::vector<Index> free_slots_;
+  mutable std::vector<Rows> child_, fresh_;  // per slot: its children and the new vertices it owns
+  std::vector<Bounds> bounds_;               // per slot: of its children
   mutable std::vector<Index> corner_;        // per vertex of the skin: its row
   mutable RowPool free_children_, free_vertices_;
   mutable bool ordered_ = true, carried_ = true, normals_replaced_ = true;
   mutable std::vector<Index> without_normal_;  // rows where the gradient vanishes, once their normals are replaced
-  mutable ShapeTally tally_;
-  mutable std::vector<ShapeTally::Part> shape_;  // per triangle of the skin, of its children; empty until asked for
+  mutable ShapeSums shape_;
+  mutable std::vector<std::uint8_t> counted_;  // per slot: whether its children are among them; empty until asked for
 
   VertexTable skin_;  // its vertices, without positions
   Index skin_next_id_ = 0;
   std::vector<Index> vertex_;           // of the skin: 3 a triangle
-  std::vector<Bounds> bounds_;          // per triangle of the skin: of its children
   std::size_t triangles_ = 0;           // of mesh()
   std::vector<Stray> stray_;            // in order
   std::vector<Crossing> crossing_;      // of triangles that have been looked at
@@ -120,19 +130,26 @@ private:
   std::vector<Vec3> lifted_;            // positions before they were flattened, empty when they were not
   std::optional<std::vector<Box>> changed_;
   std::size_t refined_triangles_ = 0;
+  double unit_ = 1.0;
 };
 
 template <class Reaches>
 TriangleMesh RefinedSkin::triangles_where(const Reaches& reaches) const {
+  const std::vector<Index> reached = indices_where(slot_.size(), [&](Index t) { return reaches(bounds(t).box()); });
+  std::vector<std::size_t> first(reached.size() + 1, 0);
+  for (std::size_t i = 0; i < reached.size(); ++i) first[i + 1] = first[i] + 3 * std::size_t{child(reached[i]).count};
   TriangleMesh out;
-  for (Index t = 0; t < bounds_.size(); ++t) {
-    if (!reaches(bounds_[t].box())) continue;
-    for (Index c = child_[t].first; c < child_[t].first + child_[t].count; ++c)
+  out.vertex.resize(first.back());
+  out.vertices.position.resize(first.back());
+  for_each_index(reached.size(), [&](std::size_t i) {
+    const Rows children = child(reached[i]);
+    std::size_t at = first[i];
+    for (Index c = children.first; c < children.first + children.count; ++c)
       for (const Vec3& p : corners(c)) {
-        out.vertex.push_back(Index(out.vertex.size()));
-        out.vertices.position.push_back(p);
+        out.vertex[at] = Index(at);
+        out.vertices.position[at++] = p;
       }
-  }
+  });
   return out;
 }
 

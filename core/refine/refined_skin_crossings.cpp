@@ -86,9 +86,9 @@ std::vector<Index> near_fresh(const std::vector<FlatBox>& boxes, const std::vect
 
 }  // namespace
 
-RefinedSkin::Bounds RefinedSkin::bounds(Index triangle) const {
+RefinedSkin::Bounds RefinedSkin::find_bounds(Index triangle) const {
   Bounds bounds;
-  const Rows child = child_[triangle];
+  const Rows child = this->child(triangle);
   const auto normal = [&](Index c) {
     const auto [p, q, r] = corners(c);
     return glm::cross(q - p, r - p);
@@ -124,7 +124,7 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, 
     for (Index h = 3 * t; h < 3 * t + 3; ++h) outgoing[skin.from(h)] = h;
   const auto is_plain = [&](Index v) {
     Vec3 sum(0.0f);
-    for_each_leaving(skin, outgoing[v], [&](Index h) { sum += bounds_[h / 3].axis; });
+    for_each_leaving(skin, outgoing[v], [&](Index h) { sum += bounds(h / 3).axis; });
     const float length = glm::length(sum);
     if (!(length > 0.0f)) return false;
     const Vec3 axis = sum / length;
@@ -137,7 +137,7 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, 
       return glm::vec2(glm::dot(d, ahead), glm::dot(d, left));
     };
     for_each_leaving(skin, outgoing[v], [&](Index h) {
-      const Bounds& b = bounds_[h / 3];
+      const Bounds& b = bounds(h / 3);
       const glm::vec2 p = seen(skin.to(h)), q = seen(skin.from(TriangleMesh::prev(h)));
       const float turn = p.x * q.y - p.y * q.x;
       looks = looks && glm::dot(axis, b.axis) > b.one_side && turn > 0.0f;
@@ -162,7 +162,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
                                                   const std::vector<std::uint8_t>& fresh) const {
   const Span span("crossings");
   if (std::find(fresh.begin(), fresh.end(), 1) == fresh.end()) return {};
-  const auto flat = [&](Index t) { return FlatBox{bounds_[t].low, bounds_[t].high}; };
+  const auto flat = [&](Index t) { return FlatBox{bounds(t).low, bounds(t).high}; };
   std::vector<FlatBox> boxes(fresh.size());
   for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
   const std::vector<Index> some = near_fresh(boxes, fresh);
@@ -191,7 +191,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   };
   const auto reaching = [&](Index t, const FlatBox& where, std::vector<Child>& out) {
     out.clear();
-    for (Index c = child_[t].first; c < child_[t].first + child_[t].count; ++c) {
+    for (Index c = child(t).first; c < child(t).first + child(t).count; ++c) {
       const std::array<Vec3, 3> p = corners(c);
       const FlatBox box = box_of(p);
       if (overlap(box, where)) out.push_back({c, p, box});
@@ -199,7 +199,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   };
   const auto compare = [&](Index a, const Child& c, Index b, const Child& d, Found& own) {
     if (!overlap(c.box, d.box) || share(c.row, d.row) || !triangles_overlap(c.corners, d.corners)) return;
-    own.crossings.push_back({a, c.row - child_[a].first, b, d.row - child_[b].first});
+    own.crossings.push_back({a, c.row - child(a).first, b, d.row - child(b).first});
   };
   tbb::enumerable_thread_specific<Found> found;
   const auto look = [&](Index a, Index b) {
@@ -213,7 +213,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   const auto look_at = [&](Index t) {
     Found& own = found.local();
     reaching(t, flat(t), own.some);
-    const Vec3 size = bounds_[t].high - bounds_[t].low;
+    const Vec3 size = bounds(t).high - bounds(t).low;
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     std::sort(own.some.begin(), own.some.end(), [&](const Child& c, const Child& d) {
       return std::pair(c.box.low[axis], c.row) < std::pair(d.box.low[axis], d.row);
@@ -223,7 +223,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
         c->row < d->row ? compare(t, *c, t, *d, own) : compare(t, *d, t, *c, own);
   };
   for_each_index(fresh.size(), [&](std::size_t t) {
-    if (fresh[t] && child_[t].count > 1 && !plain_about(Index(t), Index(t))) look_at(Index(t));
+    if (fresh[t] && child(t).count > 1 && !plain_about(Index(t), Index(t))) look_at(Index(t));
   });
   for (std::size_t i = 0; i < some.size(); ++i) boxes[i] = boxes[some[i]];  // ascending
   boxes.resize(some.size());

@@ -19,18 +19,19 @@ const GeometricMesh& RefinedSkin::mesh() const {
 
 void RefinedSkin::put_in_order() const {
   const Span span("put in order");
-  const std::size_t triangles = child_.size(), corners = corner_.size();
-  std::vector<Rows> child(triangles), fresh(triangles);
+  const std::size_t triangles = slot_.size(), corners = corner_.size();
+  std::vector<Rows> child(child_.size()), fresh(fresh_.size());
   Index children = 0, all = Index(corners);
-  for (std::size_t t = 0; t < triangles; ++t) {
-    child[t] = {std::exchange(children, children + child_[t].count), child_[t].count};
-    fresh[t] = {std::exchange(all, all + fresh_[t].count), fresh_[t].count};
+  for (const Index s : slot_) {
+    child[s] = {std::exchange(children, children + child_[s].count), child_[s].count};
+    fresh[s] = {std::exchange(all, all + fresh_[s].count), fresh_[s].count};
   }
   std::vector<Index> vertex_at(birth_.size(), kNone), child_at(geometric_.parent_triangle.size(), kNone);
   for_each_index(corners, [&](std::size_t v) { vertex_at[corner_[v]] = Index(v); });
   for_each_index(triangles, [&](std::size_t t) {
-    for (Index k = 0; k < fresh[t].count; ++k) vertex_at[fresh_[t].first + k] = fresh[t].first + k;
-    for (Index k = 0; k < child[t].count; ++k) child_at[child_[t].first + k] = child[t].first + k;
+    const Index s = slot_[t];
+    for (Index k = 0; k < fresh[s].count; ++k) vertex_at[fresh_[s].first + k] = fresh[s].first + k;
+    for (Index k = 0; k < child[s].count; ++k) child_at[child_[s].first + k] = child[s].first + k;
   });
   GeometricMesh out;
   std::vector<Birth> birth(all);
@@ -49,9 +50,10 @@ void RefinedSkin::put_in_order() const {
   };
   for_each_index(corners, [&](std::size_t v) { move_vertex(Index(v), corner_[v]); });
   for_each_index(triangles, [&](std::size_t t) {
-    for (Index k = 0; k < fresh[t].count; ++k) move_vertex(fresh[t].first + k, fresh_[t].first + k);
-    for (Index k = 0; k < child[t].count; ++k) {
-      const Index to = child[t].first + k, from = child_[t].first + k;
+    const Index s = slot_[t];
+    for (Index k = 0; k < fresh[s].count; ++k) move_vertex(fresh[s].first + k, fresh_[s].first + k);
+    for (Index k = 0; k < child[s].count; ++k) {
+      const Index to = child[s].first + k, from = child_[s].first + k;
       out.parent_triangle[to] = Index(t);
       for (Index h = 0; h < 3; ++h) {
         const Index twin = geometric_.mesh.twin[3 * from + h];
@@ -101,22 +103,25 @@ std::array<Vec3, 3> RefinedSkin::corners(Index child) const {
   return {position(v[0]), position(v[1]), position(v[2])};
 }
 
-void RefinedSkin::count(Index triangle, int times) const {
-  if (shape_.empty() || (times < 0 && shape_[triangle].triangles == 0)) return;
-  const Rows child = child_[triangle];
-  shape_[triangle] = tally_.count(
-      child.first, child.first + child.count, [&](Index c) { return corners(c); }, times);
+void RefinedSkin::count_shapes(const std::vector<Index>& triangles, int times) const {
+  if (counted_.empty()) return;
+  constexpr std::size_t kBlock = 1024;
+  const std::uint8_t counted = times > 0;
+  const std::vector<Index> children = collect(triangles.size(), kBlock, [&](Index i, std::vector<Index>& list) {
+    const Index slot = slot_[triangles[i]];
+    if (std::exchange(counted_[slot], counted) == counted) return;
+    for (Index c = child_[slot].first; c < child_[slot].first + child_[slot].count; ++c) list.push_back(c);
+  });
+  shape_.count(geometric_.mesh.vertex, geometric_.mesh.vertices.position, children, times);
 }
 
 ShapeStatistics RefinedSkin::statistics() const {
-  if (shape_.empty()) {
-    shape_.resize(child_.size());
-    tally_ = {};
+  if (counted_.empty()) {
+    counted_.assign(child_.size(), 0);
+    shape_ = ShapeSums(unit_);
   }
-  for_each_index(shape_.size(), [&](std::size_t t) {
-    if (shape_[t].triangles == 0) count(Index(t), 1);
-  });
-  return tally_.statistics(shape_);
+  count_shapes(indices_where(slot_.size(), [&](Index t) { return counted_[slot_[t]] == 0; }), 1);
+  return shape_.statistics();
 }
 
 std::vector<Vec3> RefinedSkin::strays() const {
@@ -129,7 +134,7 @@ void RefinedSkin::flatten(const std::vector<Vec3>& bad, float radius) {
   mesh();
   if (lifted_.empty()) lifted_ = geometric_.mesh.vertices.position;
   isoskin::flatten(geometric_, bad, radius);
-  shape_.clear();
+  counted_.clear();
 }
 
 }  // namespace isoskin

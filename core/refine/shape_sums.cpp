@@ -24,10 +24,14 @@ ShapeSums::ShapeSums(const TriangleMesh& mesh, double unit) : unit_(unit) {
 }
 
 void ShapeSums::update(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes) {
+  count(before.vertex, before.position, changes.gone, -1);
+  count(mesh.vertex, mesh.vertices.position, changes.fresh, 1);
+}
+
+void ShapeSums::count(const std::vector<Index>& vertex, const std::vector<Vec3>& position,
+                      const std::vector<Index>& triangles, int times) {
   add(
-      before.vertex, before.position, changes.gone.size(), [&](std::size_t i) { return changes.gone[i]; }, -1);
-  add(
-      mesh.vertex, mesh.vertices.position, changes.fresh.size(), [&](std::size_t i) { return changes.fresh[i]; }, 1);
+      vertex, position, triangles.size(), [&](std::size_t i) { return triangles[i]; }, times);
 }
 
 ShapeStatistics ShapeSums::statistics() const {

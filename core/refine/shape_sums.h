@@ -11,11 +11,17 @@ namespace isoskin {
 class ShapeSums {
 public:
   ShapeSums() = default;
+  /// Of none yet.
+  explicit ShapeSums(double unit) : unit_(unit) {}
   /// Of all triangles. `unit`: lengths are summed to 2^-30 of it.
   ShapeSums(const TriangleMesh& mesh, double unit);
 
   /// From the mesh that was copied to this one.
   void update(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes);
+
+  /// Counts some triangles `times` (1 or -1) times; `vertex`: three a triangle.
+  void count(const std::vector<Index>& vertex, const std::vector<Vec3>& position, const std::vector<Index>& triangles,
+             int times);
 
   /// As shape_statistics(), but min_angle and p1_angle are the multiples of ShapeTally::kStep at or below.
   ShapeStatistics statistics() const;

@@ -4,7 +4,9 @@
 #include <bit>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <tuple>
+#include <utility>
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
@@ -13,84 +15,107 @@
 namespace isoskin {
 namespace {
 
-constexpr double kMostAnew = 0.5;  // of the columns: with more to look at all of them is cheaper
+constexpr double kMostAnew = 0.5;  // of the bricks: with more to look at all of them is cheaper
 
-/// Some of a lattice's columns of bricks, as a raster.
-class ColumnMask {
+bool sooner(const IVec3& p, const IVec3& q) {
+  return std::tie(p.x, p.y, p.z) < std::tie(q.x, q.y, q.z);
+}
+
+/// A stretch of each of a lattice's columns of bricks.
+class ColumnStretches {
 public:
-  explicit ColumnMask(const BrickLattice& lattice) : lattice_(lattice) {
+  explicit ColumnStretches(const BrickLattice& lattice) : lattice_(lattice) {
     low_ = high_ = lattice.coordinate.empty() ? IVec3(0) : lattice.coordinate.front();
     for (const IVec3& c : lattice.coordinate) low_ = glm::min(low_, c), high_ = glm::max(high_, c);
-    marked_.assign(std::size_t(high_.x - low_.x + 1) * std::size_t(high_.y - low_.y + 1), 0);
+    stretch_.resize(std::size_t(high_.x - low_.x + 1) * std::size_t(high_.y - low_.y + 1));
   }
 
   void mark(const IVec3& brick) {
-    marked_[index(brick.x, brick.y)] = 1;
-    reach_.add(lattice_.box(brick).grown(lattice_.spacing));
+    stretch_[index(brick.x, brick.y)].add(brick.z - 1, brick.z + 1);
+    reach_.add(lattice_.box(brick).grown(2.0 * kBrick * lattice_.spacing));
   }
-  /// All columns that this reaches.
+  /// What a change in the box may reach of all columns: what it turns lies within it or between such boxes.
   void mark(const Box& box) {
-    for_each_column(box, [&](std::size_t at) { marked_[at] = 1; });
-    // To the far sides of those columns.
-    reach_.add(box.grown((BrickLattice::kCells + 2) * lattice_.spacing));
+    const auto [bottom, top] = bricks(box.low.z - lattice_.origin.z, box.high.z - lattice_.origin.z);
+    for_each_column(box, [&](std::size_t at) { stretch_[at].add(bottom, top); });
+    reach_.add(box.grown(2.0 * kBrick * lattice_.spacing));
   }
-  bool marked(const IVec3& brick) const { return within(brick) && marked_[index(brick.x, brick.y)]; }
+  /// From brick z on.
+  void lower(const IVec3& brick, int z) {
+    stretch_[index(brick.x, brick.y)].add(z, z);
+    reach_.add(lattice_.box({brick.x, brick.y, z}).grown(2.0 * kBrick * lattice_.spacing));
+  }
+
+  bool marked(const IVec3& brick) const {
+    if (brick.x < low_.x || brick.y < low_.y || brick.x > high_.x || brick.y > high_.y) return false;
+    const Stretch& s = stretch_[index(brick.x, brick.y)];
+    return s.bottom <= brick.z && brick.z <= s.top;
+  }
   bool reaches(const Box& box) const {
-    if (box.high.x < reach_.low.x || box.low.x > reach_.high.x || box.high.y < reach_.low.y ||
-        box.low.y > reach_.high.y)
-      return false;
+    if (glm::any(glm::lessThan(box.high, reach_.low)) || glm::any(glm::lessThan(reach_.high, box.low))) return false;
+    const auto [bottom, top] = bricks(box.low.z - lattice_.origin.z, box.high.z - lattice_.origin.z);
     bool any = false;
-    for_each_column(box, [&](std::size_t at) { any = any || marked_[at]; });
+    for_each_column(box,
+                    [&](std::size_t at) { any = any || (stretch_[at].bottom <= top && bottom <= stretch_[at].top); });
     return any;
-  }
-  double share() const {
-    return double(std::count(marked_.begin(), marked_.end(), 1)) / std::max(1.0, double(marked_.size()));
   }
 
 private:
-  bool within(const IVec3& c) const { return c.x >= low_.x && c.y >= low_.y && c.x <= high_.x && c.y <= high_.y; }
+  static constexpr double kBrick = BrickLattice::kCells;
+
+  struct Stretch {
+    int bottom = std::numeric_limits<int>::max(), top = std::numeric_limits<int>::min();
+    void add(int from, int to) { bottom = std::min(bottom, from), top = std::max(top, to); }
+  };
+
   std::size_t index(int x, int y) const {
     return std::size_t(x - low_.x) * std::size_t(high_.y - low_.y + 1) + std::size_t(y - low_.y);
   }
-
-  /// Columns have their sides in common, and coordinates are rounded: one corner more on each side.
-  template <class Visit>
-  void for_each_column(const Box& box, const Visit& visit) const {
+  /// Bricks have their sides in common, and coordinates are rounded: one corner more on each side.
+  std::pair<int, int> bricks(double low, double high) const {
     const double over = 1.0 / lattice_.spacing;
     const auto brick = [&](double corner, double slack) {
       return int(std::floor(std::clamp(corner * over + slack, -1e9, 1e9) / BrickLattice::kCells));
     };
-    const int x0 = std::max(low_.x, brick(box.low.x - lattice_.origin.x, -1.0));
-    const int x1 = std::min(high_.x, brick(box.high.x - lattice_.origin.x, 1.0));
-    const int y0 = std::max(low_.y, brick(box.low.y - lattice_.origin.y, -1.0));
-    const int y1 = std::min(high_.y, brick(box.high.y - lattice_.origin.y, 1.0));
-    for (int x = x0; x <= x1; ++x)
-      for (int y = y0; y <= y1; ++y) visit(index(x, y));
+    return {brick(low, -1.0), brick(high, 1.0)};
+  }
+  template <class Visit>
+  void for_each_column(const Box& box, const Visit& visit) const {
+    const auto [x0, x1] = bricks(box.low.x - lattice_.origin.x, box.high.x - lattice_.origin.x);
+    const auto [y0, y1] = bricks(box.low.y - lattice_.origin.y, box.high.y - lattice_.origin.y);
+    for (int x = std::max(low_.x, x0); x <= std::min(high_.x, x1); ++x)
+      for (int y = std::max(low_.y, y0); y <= std::min(high_.y, y1); ++y) visit(index(x, y));
   }
 
   const BrickLattice& lattice_;
   IVec3 low_{0}, high_{0};
-  std::vector<std::uint8_t> marked_;
-  Box reach_;  // in x and y at least what the marked columns hold
+  std::vector<Stretch> stretch_;
+  Box reach_;  // at least what lies in any of them
 };
 
-/// The triangles that the columns meet, and the columns' bricks.
+/// The stretches' bricks, and the triangles that meet them.
 struct Section {
   TriangleMesh mesh;
   BrickLattice lattice;
   std::vector<Index> brick;  // numbers in the whole lattice
   std::vector<BrickSigns> signs;
+  std::vector<std::uint8_t> anchored;
 };
 
 Section section(const RefinedSkin& skin, const BrickLattice& lattice, const LatticeTopology& topology,
-                const ColumnMask& columns) {
+                const ColumnStretches& columns) {
   Section out;
   out.mesh = skin.triangles_where([&](const Box& box) { return columns.reaches(box); });
   out.lattice.origin = lattice.origin;
   out.lattice.spacing = lattice.spacing;
   out.brick = indices_where(lattice.brick_count(), [&](Index b) { return columns.marked(lattice.coordinate[b]); });
   for (const Index b : out.brick) {
-    out.lattice.coordinate.push_back(lattice.coordinate[b]);
+    const IVec3& at = lattice.coordinate[b];
+    const bool lowest = out.lattice.coordinate.empty() || out.lattice.coordinate.back().x != at.x ||
+                        out.lattice.coordinate.back().y != at.y;
+    const bool of_column = b == 0 || lattice.coordinate[b - 1].x != at.x || lattice.coordinate[b - 1].y != at.y;
+    out.anchored.push_back(lowest && !of_column);  // below all of a column there is nothing that winds
+    out.lattice.coordinate.push_back(at);
     out.signs.push_back(topology.signs[b]);
   }
   return out;
@@ -100,7 +125,10 @@ Section section(const RefinedSkin& skin, const BrickLattice& lattice, const Latt
 
 void WrongCorners::look(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                         const LatticeTopology& topology, double least) {
-  corner_ = find(differing_rows(mesh, lattice, topology.signs), field, lattice, least);
+  const std::vector<DifferingRow> rows = differing_rows(mesh, lattice, topology.signs);
+  corner_ = find(rows, field, lattice, least);
+  row_.clear();
+  for (const DifferingRow& row : rows) row_.push_back({lattice.coordinate[row.brick], row.corners, row.row});
   known_ = true;
 }
 
@@ -111,26 +139,47 @@ void WrongCorners::update(const RefinedSkin& skin, const Field& field, const Fie
   const bool goes_on = known_ && changed && changes && !changes->everywhere && !changes->rounded_anew &&
                        (still || lattice.same_as.size() == lattice.brick_count());
   if (goes_on && still && changed->empty()) return;
-  ColumnMask columns(lattice);
+  ColumnStretches columns(lattice);
+  std::vector<std::uint8_t> other(lattice.brick_count(), 0);  // than it was
   if (goes_on) {
     for (const Box& box : *changed) columns.mark(box);
     const ChangeMask mask(*changes, 0.0);
-    for (Index b = 0; b < lattice.brick_count() && !still; ++b)
-      if (lattice.same_as[b] == kNone || mask.overlaps(lattice.box(lattice.coordinate[b])))
-        columns.mark(lattice.coordinate[b]);
+    for (Index b = 0; b < lattice.brick_count() && !still; ++b) {
+      other[b] = lattice.same_as[b] == kNone || mask.overlaps(lattice.box(lattice.coordinate[b]));
+      if (other[b]) columns.mark(lattice.coordinate[b]);
+    }
+    // A stretch begins where mesh and field agree, as they did.
+    std::vector<IVec3> unsure;
+    for (const Row& row : row_)
+      if (row.corners & 1) unsure.push_back(row.brick);
+    for (Index b = Index(lattice.brick_count()); b-- > 1;) {
+      const IVec3 &at = lattice.coordinate[b], &below = lattice.coordinate[b - 1];
+      const bool lowest = columns.marked(at) && at.x == below.x && at.y == below.y && !columns.marked(below);
+      if (lowest && (other[b] || std::binary_search(unsure.begin(), unsure.end(), at, sooner)))
+        columns.lower(below, below.z);
+    }
   }
-  if (!goes_on || columns.share() > kMostAnew) return look(skin.mesh().mesh, field, lattice, topology, least);
-  const Section part = section(skin, lattice, topology, columns);
-  std::vector<DifferingRow> rows = differing_rows(part.mesh, part.lattice, part.signs);
-  for (DifferingRow& row : rows) row.brick = part.brick[row.brick];
-  const std::vector<Corner> fresh = find(rows, field, lattice, least);
-  std::vector<Corner> all;
-  std::erase_if(corner_, [&](const Corner& c) { return columns.marked(c.brick) || lattice.find(c.brick) == kNone; });
-  const auto sooner = [](const Corner& p, const Corner& q) {
-    return std::tie(p.brick.x, p.brick.y, p.brick.z, p.corner) < std::tie(q.brick.x, q.brick.y, q.brick.z, q.corner);
+  const auto share = [&] {
+    const auto marked =
+        indices_where(lattice.brick_count(), [&](Index b) { return columns.marked(lattice.coordinate[b]); });
+    return double(marked.size()) / std::max(1.0, double(lattice.brick_count()));
   };
-  std::merge(corner_.begin(), corner_.end(), fresh.begin(), fresh.end(), std::back_inserter(all), sooner);
-  corner_ = std::move(all);
+  if (!goes_on || share() > kMostAnew) return look(skin.mesh().mesh, field, lattice, topology, least);
+  const Section part = section(skin, lattice, topology, columns);
+  std::vector<DifferingRow> rows = differing_rows(part.mesh, part.lattice, part.signs, part.anchored);
+  for (DifferingRow& row : rows) row.brick = part.brick[row.brick];
+  const auto looked_at = [&](const auto& c) { return columns.marked(c.brick) || lattice.find(c.brick) == kNone; };
+  std::erase_if(corner_, looked_at);
+  std::erase_if(row_, looked_at);
+  const auto by_brick = [](const auto& p, const auto& q) { return sooner(p.brick, q.brick); };
+  const std::vector<Corner> fresh = find(rows, field, lattice, least);
+  std::vector<Corner> corners;
+  std::merge(corner_.begin(), corner_.end(), fresh.begin(), fresh.end(), std::back_inserter(corners), by_brick);
+  corner_ = std::move(corners);
+  std::vector<Row> fresh_rows, all_rows;
+  for (const DifferingRow& row : rows) fresh_rows.push_back({lattice.coordinate[row.brick], row.corners, row.row});
+  std::merge(row_.begin(), row_.end(), fresh_rows.begin(), fresh_rows.end(), std::back_inserter(all_rows), by_brick);
+  row_ = std::move(all_rows);
 }
 
 std::vector<WrongCorners::Corner> WrongCorners::find(const std::vector<DifferingRow>& rows, const Field& field,

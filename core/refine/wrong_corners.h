@@ -13,7 +13,7 @@
 namespace isoskin {
 
 /// Corners on whose side mesh and field differ, farther than a least distance from the surface, kept from frame to
-/// frame: only lattice columns in which mesh, field or lattice have changed are looked at again.
+/// frame: only stretches of lattice columns in which mesh, field or lattice have changed are looked at again.
 class WrongCorners {
 public:
   /// All of a mesh. `least`: the same in all calls.
@@ -36,10 +36,18 @@ private:
     double distance = 0.0;
   };
 
+  /// See DifferingRow.
+  struct Row {
+    IVec3 brick{0};
+    std::uint16_t corners = 0;
+    std::uint8_t row = 0;
+  };
+
   static std::vector<Corner> find(const std::vector<DifferingRow>& rows, const Field& field,
                                   const BrickLattice& lattice, double least);
 
   std::vector<Corner> corner_;  // by brick and corner
+  std::vector<Row> row_;        // all where mesh and field differ, by brick and row
   bool known_ = false;
 };
 

@@ -340,6 +340,13 @@ struct CrossedRow {
     }
   }
 
+  int lowest_winding() const {
+    int now = winding;
+    for (const ColumnCrossing& c : crossing)
+      if (c.first <= low) now += c.step;
+    return now;
+  }
+
   /// Corners whose winding number is not 1 inside and 0 outside; `inside` and they as bits.
   unsigned differing(unsigned inside) const {
     int now = winding;
@@ -463,12 +470,19 @@ std::vector<std::int8_t> winding_numbers(const TriangleMesh& mesh, const BrickLa
 }
 
 std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
-                                         const std::vector<BrickSigns>& signs) {
+                                         const std::vector<BrickSigns>& signs,
+                                         const std::vector<std::uint8_t>& anchored) {
   const MeshColumns columns = cross_columns(mesh, lattice);
   std::vector<std::vector<DifferingRow>> found(columns.column.size());
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
-    for_each_row(columns, lattice, c, [&](const CrossedRow& r) {
-      if (const unsigned corners = r.differing(signs[r.brick].row[r.row]))
+    int below = 0;  // what the mesh lacks there
+    for_each_row(columns, lattice, c, [&](CrossedRow r) {
+      const unsigned inside = signs[r.brick].row[r.row];
+      if (r.brick == columns.first_brick[c]) {
+        below = !anchored.empty() && anchored[r.brick] ? int(inside & 1) - r.lowest_winding() : 0;
+      }
+      r.winding += below;
+      if (const unsigned corners = r.differing(inside))
         found[c].push_back({r.brick, static_cast<std::uint16_t>(corners), static_cast<std::uint8_t>(r.row)});
     });
     std::sort(found[c].begin(), found[c].end(), [](const DifferingRow& p, const DifferingRow& q) {

@@ -58,8 +58,11 @@ struct DifferingRow {
 };
 
 /// All of them, by brick, then by row. Costs a fraction of winding_numbers(). `signs`: of the lattice, one a brick.
+/// `anchored`, one byte a brick or empty: 1 for the lowest of a column where its lowest corners do not differ, whatever
+/// the mesh has below them; it may lack that.
 std::vector<DifferingRow> differing_rows(const TriangleMesh& mesh, const BrickLattice& lattice,
-                                         const std::vector<BrickSigns>& signs);
+                                         const std::vector<BrickSigns>& signs,
+                                         const std::vector<std::uint8_t>& anchored = {});
 
 /// Winding numbers where they are not what the signs say.
 struct DifferingBricks {
