@@ -39,6 +39,7 @@ public:
     constexpr std::size_t kCellsABox = 64;  // so that few others share a hash
     float widest = std::numeric_limits<float>::min();
     for (const Index t : marking) {
+      all_ = {glm::min(all_.low, boxes[t].low), glm::max(all_.high, boxes[t].high)};
       const Vec3 size = boxes[t].high - boxes[t].low;
       widest = std::max({widest, size.x, size.y, size.z});
     }
@@ -52,7 +53,7 @@ public:
   }
 
   bool reach(const FlatBox& box) {
-    return any_cell(box, [](std::uint8_t cell) { return cell != 0; });
+    return overlap(box, all_) && any_cell(box, [](std::uint8_t cell) { return cell != 0; });
   }
 
 private:
@@ -73,6 +74,7 @@ private:
   }
 
   double width_;
+  FlatBox all_{Vec3(std::numeric_limits<float>::infinity()), Vec3(-std::numeric_limits<float>::infinity())};
   std::vector<std::uint8_t> marked_;
 };
 

@@ -12,7 +12,7 @@ namespace isoskin {
 namespace {
 
 constexpr std::size_t kBlock = 4096;
-constexpr int kAhead = 64;  // triangles looked through for one that lies farther on than it did
+constexpr std::size_t kAhead = 64;  // triangles looked through for one that lies farther on than it did
 
 bool same_columns(const std::vector<Index>& a, const std::vector<Index>& b) {
   if (a.size() != b.size()) return false;
@@ -71,14 +71,14 @@ void SkinMatch::match_triangles() {
     for (std::size_t t = b * kBlock; t < std::min(count, (b + 1) * kBlock); ++t) {
       const std::array<Index, 3> wanted = old_corners(t);
       if (wanted[0] == kNone || wanted[1] == kNone || wanted[2] == kNone) continue;
-      std::size_t found = find(wanted, at, at + 1);
-      if (found == old_triangles()) {
+      if (!is(at, wanted)) {
         while (at < old_triangles() && gone(at)) ++at;
-        found = find(wanted, at, at + kAhead);
+        std::size_t found = at;
+        while (found < at + kAhead && !is(found, wanted)) ++found;
+        if (found == at + kAhead) continue;
+        at = found;
       }
-      if (found == old_triangles()) continue;
-      old_triangle_[t] = Index(found);
-      at = found + 1;
+      old_triangle_[t] = Index(at++);
     }
   });
 }
@@ -88,16 +88,16 @@ std::array<Index, 3> SkinMatch::old_corners(std::size_t t) const {
   return {old_vertex_[v[0]], old_vertex_[v[1]], old_vertex_[v[2]]};
 }
 
+/// Does the old triangle, if there is one, have these corners?
+bool SkinMatch::is(std::size_t old, const std::array<Index, 3>& corners) const {
+  if (3 * old >= old_corners_.size()) return false;
+  const Index* v = &old_corners_[3 * old];
+  return v[0] == corners[0] && v[1] == corners[1] && v[2] == corners[2];
+}
+
 bool SkinMatch::gone(std::size_t old) const {
   const Index* v = &old_corners_[3 * old];
   return new_vertex_[v[0]] == kNone || new_vertex_[v[1]] == kNone || new_vertex_[v[2]] == kNone;
-}
-
-/// The old triangle from `at` to before `end` with these corners, else the number of all.
-std::size_t SkinMatch::find(const std::array<Index, 3>& corners, std::size_t at, std::size_t end) const {
-  for (; at < std::min(end, old_triangles()); ++at)
-    if (std::equal(corners.begin(), corners.end(), &old_corners_[3 * at])) return at;
-  return old_triangles();
 }
 
 /// About where triangle t is among the old ones, when `last` is where the block before begins there: some have come
@@ -109,8 +109,8 @@ std::size_t SkinMatch::where_block_begins(std::size_t t, std::size_t last) const
     const std::array<Index, 3> wanted = old_corners(k);
     if (wanted[0] == kNone || wanted[1] == kNone || wanted[2] == kNone) continue;
     for (std::size_t off = 0; off < kFarthest; ++off) {
-      if (off <= likely && find(wanted, likely - off, likely - off + 1) < old_triangles()) return likely - off;
-      if (find(wanted, likely + off, likely + off + 1) < old_triangles()) return likely + off;
+      if (off <= likely && is(likely - off, wanted)) return likely - off;
+      if (is(likely + off, wanted)) return likely + off;
     }
   }
   return likely;

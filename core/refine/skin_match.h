@@ -32,7 +32,7 @@ private:
   void match_triangles();
   std::array<Index, 3> old_corners(std::size_t t) const;
   bool gone(std::size_t old) const;
-  std::size_t find(const std::array<Index, 3>& corners, std::size_t at, std::size_t end) const;
+  bool is(std::size_t old, const std::array<Index, 3>& corners) const;
   std::size_t where_block_begins(std::size_t t, std::size_t last) const;
 
   const std::vector<Index>&old_id_, &old_corners_;
