@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -250,7 +251,7 @@ private:
   }
 
   /// A gap in a sheet, or a thread, that has come where none was, and gone where one was, changes the topology of two
-  /// groups and not that of their piece: those come in together.
+  /// groups and not that of their piece: all of a piece come in together, or else pairs of them, the largest first.
   static void add_even_ones(const TriangleMesh& skin, const CappedPart& part, const TriangleMesh& now,
                             const PartChanges& changes, const Groups& groups, const std::vector<std::uint8_t>& wrong,
                             std::vector<std::uint8_t>& right) {
@@ -260,6 +261,8 @@ private:
     if (!any) return;
     const MeshPieces pieces = mesh_pieces(skin);
     std::vector<std::set<Index>> pieces_of_group(groups.count());
+    std::vector<std::size_t> size(groups.count(), 0);
+    for (const Index g : groups.fresh) ++size[g];
     for (std::size_t i = 0; i < changes.gone.size(); ++i)
       if (odd(groups.gone[i])) {
         const Index v = part.mesh.vertex[3 * changes.gone[i]];
@@ -268,18 +271,26 @@ private:
     std::map<Index, std::vector<Index>> of_piece;
     for (Index g = 0; g < groups.count(); ++g)
       if (odd(g) && pieces_of_group[g].size() == 1) of_piece[*pieces_of_group[g].begin()].push_back(g);
-    for (const auto& [piece, some] : of_piece) {
-      int lost = 0;
-      std::vector<std::uint8_t> wanted(groups.count(), 0);
-      for (const Index g : some) {
-        lost += groups.lost[g];
-        wanted[g] = 1;
-      }
-      if (lost != 0) continue;
-      TriangleMesh after = skin;
-      put_back(part, now, of_groups(changes, groups, wanted), after);
-      if (!same_pieces(skin, pieces, after)) continue;
-      for (const Index g : some) right[g] = 1;
+    for (auto& [piece, some] : of_piece) {
+      const auto come_together = [&](std::vector<std::uint8_t> together) {
+        TriangleMesh after = skin;
+        put_back(part, now, of_groups(changes, groups, together), after);
+        if (!same_pieces(skin, pieces, after)) return false;
+        for (const Index g : some) right[g] = together[g];
+        return true;
+      };
+      std::vector<std::uint8_t> all(groups.count(), 0), pairs = all;
+      for (const Index g : some) all[g] = 1;
+      if (std::accumulate(some.begin(), some.end(), 0, [&](int sum, Index g) { return sum + groups.lost[g]; }) == 0 &&
+          come_together(all))
+        continue;
+      std::stable_sort(some.begin(), some.end(), [&](Index g, Index h) { return size[g] > size[h]; });
+      for (std::size_t i = 0; i < some.size(); ++i)
+        for (std::size_t k = i + 1; k < some.size() && !pairs[some[i]]; ++k) {
+          if (pairs[some[k]] || groups.lost[some[i]] == 0 || groups.lost[some[i]] != -groups.lost[some[k]]) continue;
+          pairs[some[i]] = pairs[some[k]] = 1;
+          if (!come_together(pairs)) pairs[some[i]] = pairs[some[k]] = 0;
+        }
     }
   }
 
