@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "core/types.h"
@@ -56,6 +59,7 @@ public:
     if (!glm::all(glm::lessThanEqual(low, high))) return;
     const IVec3 from = cell(low), to = cell(high), n = to - from + 1;
     if (std::size_t(n.x) * n.y * n.z > kMostCells) return for_all(visit);
+    if (count_ <= kFewBoxes) return for_each_of_few(from, to, visit);
     std::vector<Index> some;
     for_each_cell(from, to, [&](std::size_t c) {
       some.insert(some.end(), list_.begin() + first_[c], list_.begin() + first_[c + 1]);
@@ -67,6 +71,7 @@ public:
 
 private:
   static constexpr double kUnbounded = 1e50;
+  static constexpr Index kFewBoxes = 1 << 12;
 
   IVec3 cell(const DVec3& p) const { return IVec3(glm::floor((p - bounds_.low) / side_)); }
   template <class Visit>
@@ -74,6 +79,19 @@ private:
     for (int x = from.x; x <= to.x; ++x)
       for (int y = from.y; y <= to.y; ++y)
         for (int z = from.z; z <= to.z; ++z) visit((std::size_t(x) * count_in_.y + y) * count_in_.z + z);
+  }
+  /// Those in some cells.
+  template <class Visit>
+  void for_each_of_few(const IVec3& from, const IVec3& to, const Visit& visit) const {
+    std::array<std::uint64_t, kFewBoxes / 64> seen;  // a bit a box: quicker than sorting
+    const std::size_t words = count_ / 64 + 1;
+    std::fill_n(seen.begin(), std::min(words, seen.size()), 0);
+    for_each_cell(from, to, [&](std::size_t c) {
+      for (Index k = first_[c]; k < first_[c + 1]; ++k) seen[list_[k] / 64] |= std::uint64_t(1) << list_[k] % 64;
+    });
+    for (std::size_t w = 0; w < std::min(words, seen.size()); ++w)
+      for (std::uint64_t bits = seen[w]; bits != 0; bits &= bits - 1)
+        visit(Index(64 * w) + Index(std::countr_zero(bits)));
   }
   template <class Visit>
   void for_all(const Visit& visit) const {

@@ -164,19 +164,19 @@ double size_of(const SkeletonElement& e) {
   return most;
 }
 
-// Bounds of the element's distance over the box, widened by what rounding may take.
-Interval distance_interval(const SkeletonElement& e, const Box& box) {
+// Bounds of the element's distance over the box, widened by what rounding may take; `size`: size_of() it.
+Interval distance_interval(const SkeletonElement& e, double size, const Box& box) {
   const Interval d = is_point(e) ? norm_interval(box.low - e.a, box.high - e.a, e.norm) : shape_distance(e, box);
   constexpr double kRelative = 1e-13;
-  const double absolute = kRelative * std::max(size_of(e), std::isfinite(d.low) ? d.low : 0.0);
+  const double absolute = kRelative * std::max(size, std::isfinite(d.low) ? d.low : 0.0);
   return {std::max(0.0, d.low - absolute), d.high + absolute + kRelative * d.high};
 }
 
 /// Where the element's potential is not zero, with room for rounding.
-Box support_of(const SkeletonElement& e) {
+Box support_of(const SkeletonElement& e, double size) {
   if (!is_compact(e)) return {DVec3(-kInfinity), DVec3(kInfinity)};
   constexpr double kRelative = 1e-9;  // a p-norm is at least the largest coordinate, up to rounding
-  return extent(e).grown(e.radius + kRelative * (e.radius + 2.0 * size_of(e)));
+  return extent(e).grown(e.radius + kRelative * (e.radius + 2.0 * size));
 }
 
 /// Without branches: most elements are far from a point, but there is no telling which.
@@ -227,11 +227,23 @@ public:
       : field_(field), axis_(axis), side_(side), only_(only) {}
 
   void start_at(const Box& cell) { take(cell, end_of(cell)); }
+  /// With the box's cell at a point, if it may hold surface.
+  void start_near(Box box, const DVec3& point, int depth) {
+    for (; may_be_zero(field_.range(box)); --depth) {
+      if (depth == 0) return start_at(box);
+      const DVec3 c = box.center();
+      for (int i = 0; i < 3; ++i) (point[i] > c[i] ? box.low : box.high)[i] = c[i];
+    }
+  }
 
   void search(const Box& box, int depth) {
     const double end = end_of(box);
     if (end <= end_ || (only_ && !only_->overlaps(box)) || !may_be_zero(field_.range(box))) return;
     if (depth == 0) return take(box, end);
+    // Where all that would beat the farthest so far is free, none of the cells it is made of has to be asked.
+    constexpr int kSmall = 3;  // larger boxes hardly ever are
+    const double so_far = end_;
+    if (depth <= kSmall && begin_of(box) < so_far && !may_be_zero(field_.range(beyond(box, so_far)))) return;
     const DVec3 c = box.center();
     for (const bool far_half : {true, false}) {
       tbb::parallel_for(0, 4, [&](int quarter) {
@@ -248,6 +260,11 @@ public:
 
 private:
   double end_of(const Box& box) const { return side_ * (side_ > 0 ? box.high : box.low)[axis_]; }
+  double begin_of(const Box& box) const { return side_ * (side_ > 0 ? box.low : box.high)[axis_]; }
+  Box beyond(Box box, double end) const {
+    (side_ > 0 ? box.low : box.high)[axis_] = side_ * end;
+    return box;
+  }
 
   void take(const Box& cell, double end) {
     const std::lock_guard lock(guard_);
@@ -275,7 +292,8 @@ SkeletonField::SkeletonField(std::vector<SkeletonElement> elements, double iso)
   if (!std::isfinite(iso_)) throw InputError("skeleton: iso must be finite");
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     check(elements_[i], i);
-    support_.push_back(support_of(elements_[i]));
+    size_.push_back(size_of(elements_[i]));
+    support_.push_back(support_of(elements_[i], size_[i]));
     is_ball_.push_back(is_point(elements_[i]) && elements_[i].norm == 2.0);
   }
   near_ = ElementGrid(support_);
@@ -328,7 +346,7 @@ Interval SkeletonField::range(const Box& box) const {
   near_.for_each_in(box, [&](Index i) {
     if (!overlap(support_[i], box)) return;
     const SkeletonElement& e = elements_[i];
-    const Interval d = distance_interval(e, box);
+    const Interval d = distance_interval(e, size_[i], box);
     const double near = e.weight * profile(e, d.low * d.low).value;
     const double far = e.weight * profile(e, d.high * d.high).value;
     const auto [low, high] = std::minmax(near, far);
@@ -374,7 +392,10 @@ Box SkeletonField::find_bounds(const Bounds* before, const ChangeMask* changed) 
           before && bounds_->side.size() < before->side.size() ? &before->side[bounds_->side.size()] : nullptr;
       const bool goes_on = was && same(was->searched, box) && may_be_zero(range(was->cell));
       FarthestCell farthest(*this, axis, side, goes_on ? changed : nullptr);
-      if (goes_on) farthest.start_at(was->cell);
+      if (goes_on)
+        farthest.start_at(was->cell);
+      else if (was)
+        farthest.start_near(box, was->cell.center(), kDepth);
       // No thread may take up a task meanwhile that asks for these bounds.
       tbb::this_task_arena::isolate([&] { farthest.search(box, kDepth); });
       if (farthest.end() == -kInfinity) return {};

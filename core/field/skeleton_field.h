@@ -64,6 +64,7 @@ private:
 
   std::shared_ptr<Bounds> bounds_ = std::make_shared<Bounds>();  // found when first asked for; copies have the same
   std::vector<SkeletonElement> elements_;
+  std::vector<double> size_;           // of each element: the farthest of it from the world's origin
   std::vector<Box> support_;           // of each element
   ElementGrid near_;                   // of the supports
   std::vector<std::uint8_t> is_ball_;  // of each element: a point with the norm 2
