@@ -53,11 +53,6 @@ std::size_t count_in_all(const IdSet& a, const IdSet& b, std::vector<Index> some
       std::count_if(some.begin(), some.end(), [&](Index id) { return a.contains(id) && b.contains(id); }));
 }
 
-/// All of it.
-bool is_asleep(const std::vector<std::uint8_t>& asleep) {
-  return !asleep.empty() && std::find(asleep.begin(), asleep.end(), 0) == asleep.end();
-}
-
 std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
   std::vector<Box> boxes(pieces.count());
   for (Index v = 0; v < mesh.vertex_count(); ++v)
@@ -202,12 +197,12 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   }
   operate(frame, report);
   Evidence evidence = sample(frame, report);
-  move(frame, evidence, report);
+  OpenSet open = move(frame, evidence, report);
   const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
   // What sleeps whole is as it was predicted.
-  const bool moves = may_have_flaps && !is_asleep(sleeping(mesh_.vertices, options_.sleep));
+  const bool moves = may_have_flaps && !open.none();
   if (moves) predicted_ = mesh_;
-  relax(report);
+  relax(std::move(open), report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
   if (may_have_flaps && !evidence.certificate.passed)
@@ -265,14 +260,22 @@ void Tracker::wake_up(const FieldFrame& frame) {
   wake(mesh_.vertices, ChangeMask(moves, options_.sleep.margin * options_.edge_length));
 }
 
+OpenSet Tracker::awake() const {
+  return OpenSet(mesh_, sleeping(mesh_.vertices, options_.sleep));
+}
+
 /// Predicts; where the new surface has another topology than the mesh that was to follow it, the mesh as it was is
-/// operated on and predicted again.
-void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
+/// operated on and predicted again. Returns what is awake.
+OpenSet Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
   constexpr double kHalfSheet = 1.5;  // voxels; fields without voxels have no sheets to be outrun by
   constexpr int kRounds = 3;          // three sheets that meet need two
   for (Index& age : mesh_.vertices.age) ++age;
   FlowOptions flow;
   flow.half_sheet = float(kHalfSheet * frame.field->resolution());
+  // What has fallen asleep in this frame has moved since small pieces were last looked for.
+  SleepOptions longer = options_.sleep;
+  ++longer.rest_frames;
+  OpenSet still_moved, open;
   std::vector<Ball> split;
   for (int round = 0;; ++round) {
     const bool may_collide = round < kRounds && started_ && collides(*frame.field);
@@ -281,20 +284,19 @@ void Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& rep
       Step step(report, "predict");
       if (may_collide) before = mesh_.vertices;
       const ThinMotion thin = thin_motion(*frame.field);
-      predict(mesh_, frame.velocity.get(), seconds_to(frame), *frame.field, *backend_, options_.project,
-              sleeping(mesh_.vertices, options_.sleep), flow);
+      still_moved = OpenSet(mesh_, sleeping(mesh_.vertices, longer));
+      open = OpenSet(mesh_, sleeping(mesh_.vertices, options_.sleep), still_moved);
+      predict(mesh_, frame.velocity.get(), seconds_to(frame), *frame.field, *backend_, options_.project, open, flow);
       thin.apply(mesh_, *frame.field, seconds_to(frame));
     }
     if (!may_collide || !collide(frame, evidence, before, split, report)) break;
   }
   Step step(report, "predict");
-  // What has fallen asleep in this frame has moved since this was last looked at.
-  SleepOptions longer = options_.sleep;
-  ++longer.rest_frames;
-  grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length, sleeping(mesh_.vertices, longer));
+  const bool grown = grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length, still_moved) > 0;
+  return grown ? awake() : open;
 }
 
-void Tracker::relax(FrameReport& report) {
+void Tracker::relax(OpenSet open, FrameReport& report) {
   RelaxOptions follow = options_.relax;
   follow.steps = options_.follow_steps;
   follow.cg_iterations = options_.follow_iterations;
@@ -302,14 +304,13 @@ void Tracker::relax(FrameReport& report) {
   for (int round = 0; round < options_.rounds; ++round) {
     {
       Step step(report, "alter");
-      const std::vector<std::uint8_t> asleep = sleeping(mesh_.vertices, options_.sleep);
-      std::vector<std::uint8_t> left_alone = held_vertices(asleep, open_triangles(mesh_, asleep));
-      if (round == 0) relaxed.inverted = folded_but(asleep);
-      for (std::size_t v = 0; v < asleep.size(); ++v) left_alone[v] |= asleep[v];
-      alter(mesh_, options_.alter, relaxed.inverted, left_alone);
+      std::vector<std::uint8_t> left_alone = held_vertices(open);
+      if (round == 0) relaxed.inverted = folded_in(open);
+      for (std::size_t v = 0; v < open.frozen.size(); ++v) left_alone[v] |= open.frozen[v];
+      alter(mesh_, options_.alter, relaxed.inverted, left_alone, &open);
     }
     Step step(report, "relax");
-    relaxed = relax_but(sleeping(mesh_.vertices, options_.sleep), follow);
+    relaxed = relax_but(open, follow);
   }
   report.inverted = std::size_t(std::count(relaxed.inverted.begin(), relaxed.inverted.end(), 1));
   report.quasi_critical = std::size_t(std::count(relaxed.quasi_critical.begin(), relaxed.quasi_critical.end(), 1));
@@ -317,13 +318,13 @@ void Tracker::relax(FrameReport& report) {
 }
 
 /// What the prediction has folded over, as Relaxed::inverted: split there, edges make more of it.
-std::vector<std::uint8_t> Tracker::folded_but(const std::vector<std::uint8_t>& asleep) {
-  if (asleep.empty()) return folded_triangles(mesh_, outward_normals(mesh_.vertices.position, *backend_));
-  const OpenPart open = open_part(mesh_, asleep);
+std::vector<std::uint8_t> Tracker::folded_in(const OpenSet& open) {
+  if (open.all()) return folded_triangles(mesh_, outward_normals(mesh_.vertices.position, *backend_));
+  const OpenPart part = open_part(mesh_, open);
   const std::vector<std::uint8_t> of_part =
-      folded_triangles(open.mesh, outward_normals(open.mesh.vertices.position, *backend_));
+      folded_triangles(part.mesh, outward_normals(part.mesh.vertices.position, *backend_));
   std::vector<std::uint8_t> folded(mesh_.triangle_count());
-  for (std::size_t i = 0; i < of_part.size(); ++i) folded[open.triangle[i]] = of_part[i];
+  for (std::size_t i = 0; i < of_part.size(); ++i) folded[part.triangle[i]] = of_part[i];
   return folded;
 }
 
@@ -338,10 +339,11 @@ void Tracker::keep_awake(const Relaxed& relaxed) {
 }
 
 /// What is frozen does not move at all, and costs nothing.
-Tracker::Relaxed Tracker::relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how) {
-  if (frozen.empty()) return relax_whole(how);
-  const OpenPart open = open_part(mesh_, frozen);
-  const std::vector<std::uint8_t> held = held_vertices(frozen, open.triangle);
+Tracker::Relaxed Tracker::relax_but(const OpenSet& what, const RelaxOptions& how) {
+  if (what.all()) return relax_whole(how);
+  const std::vector<std::uint8_t>& frozen = what.frozen;
+  const OpenPart open = open_part(mesh_, what);
+  const std::vector<std::uint8_t> held = held_vertices(what);
   std::vector<std::uint8_t> pinned, inverted(open.triangle.size());
   for (const Index v : open.vertex) pinned.push_back(frozen[v] | held[v]);
   Relaxed relaxed{std::vector<std::uint8_t>(mesh_.triangle_count()), std::vector<std::uint8_t>(mesh_.vertex_count())};
@@ -362,7 +364,7 @@ Tracker::Relaxed Tracker::relax_but(const std::vector<std::uint8_t>& frozen, con
 }
 
 Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
-  backend_->set_mesh(mesh_, held_vertices({}, open_triangles(mesh_, {})));
+  backend_->set_mesh(mesh_, held_vertices({}));
   backend_->relax(how, options_.project);
   const auto positions = backend_->positions();
   const std::vector<Vec3> before = std::exchange(mesh_.vertices.position, {positions.begin(), positions.end()});
@@ -376,11 +378,11 @@ Tracker::Relaxed Tracker::relax_whole(const RelaxOptions& how) {
 
 /// One byte a vertex: 1 where it is only projected, since elements of edge e do not fit. Only what is not frozen, and
 /// so in the open triangles, is asked for.
-std::vector<std::uint8_t> Tracker::held_vertices(const std::vector<std::uint8_t>& frozen,
-                                                 const std::vector<Index>& open) const {
+std::vector<std::uint8_t> Tracker::held_vertices(const OpenSet& open) const {
   std::vector<std::uint8_t> held(mesh_.vertex_count());
-  for (const Index v : small_piece_vertices(mesh_, open)) held[v] = 1;
-  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin_options(), frozen)) held[v] = 1;
+  for (const Index v : open.all() ? small_piece_vertices(mesh_) : small_piece_vertices(mesh_, open.triangle))
+    held[v] = 1;
+  for (const Index v : thin_feature_vertices(mesh_, critical_.points, thin_options(), open.frozen)) held[v] = 1;
   return held;
 }
 
@@ -541,10 +543,10 @@ void Tracker::settle_new_skin(Index first_new) {
   const MeshPart part(mesh_, first_new, options_.reskin_rings);
   const AlterOptions alter_options = unlocked_and_still(options_.alter);
   for (int round = 0; round < options_.reskin_rounds; ++round) {
-    const Relaxed relaxed = relax_but(part.frozen(mesh_), options_.relax);
+    const Relaxed relaxed = relax_but(OpenSet(mesh_, part.frozen(mesh_)), options_.relax);
     alter(mesh_, alter_options, relaxed.inverted, part.frozen(mesh_));
   }
-  relax_but(part.frozen(mesh_), options_.relax);
+  relax_but(OpenSet(mesh_, part.frozen(mesh_)), options_.relax);
 }
 
 void Tracker::reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report) {

@@ -183,19 +183,19 @@ private:
   void take_over(Operated operated, EventPlan plan, const FieldFrame& frame, FrameReport& report);
   Evidence sample(const FieldFrame& frame, FrameReport& report);
   double lattice_spacing(const Field& field, bool goes_on);
-  void move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  OpenSet awake() const;
+  OpenSet move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void fold_in_flaps(TriangleMesh predicted, const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);
-  void relax(FrameReport& report);
-  Relaxed relax_but(const std::vector<std::uint8_t>& frozen, const RelaxOptions& how);
+  void relax(OpenSet awake, FrameReport& report);
+  Relaxed relax_but(const OpenSet& open, const RelaxOptions& how);
   Relaxed relax_whole(const RelaxOptions& how);
-  std::vector<std::uint8_t> held_vertices(const std::vector<std::uint8_t>& frozen,
-                                          const std::vector<Index>& open) const;
+  std::vector<std::uint8_t> held_vertices(const OpenSet& open) const;
   ThinOptions thin_options() const;
   ThinMotion thin_motion(const Field& field) const;
-  std::vector<std::uint8_t> folded_but(const std::vector<std::uint8_t>& asleep);
+  std::vector<std::uint8_t> folded_in(const OpenSet& open);
   void keep_awake(const Relaxed& relaxed);
   void look_closer(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);

@@ -53,7 +53,7 @@ void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
     backend_->project(mesh_.vertices.position, options_.project, {});
     thin.apply(mesh_, *between, 0.0);
     grow_small_pieces(mesh_, *backend_, options_.project, options_.edge_length);
-    relax(report);
+    relax(awake(), report);
     backend_->set_field(frame.field);
   }
 }
@@ -143,7 +143,7 @@ void Tracker::fold_in_flaps(TriangleMesh predicted, const FieldFrame& frame, Evi
   }
   TriangleMesh with_flaps = std::exchange(mesh_, std::move(predicted));
   const auto left_undone = std::pair(report.inverted, report.quasi_critical);
-  relax(report);
+  relax(awake(), report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
   if (evidence.certificate.passed) return;

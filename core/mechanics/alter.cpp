@@ -1,7 +1,9 @@
 #include "core/mechanics/alter.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "core/mesh/edit.h"
 #include "core/mesh/independent_edits.h"
@@ -32,9 +34,10 @@ float squared(const Vec3& v) {
 /// The triangles that edits may touch: all, or those with a vertex that is not frozen and what is added to the mesh.
 class OpenTriangles {
 public:
-  OpenTriangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen)
+  OpenTriangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen, const OpenSet* among)
       : mesh_(mesh), all_(frozen.empty()), known_(Index(mesh.triangle_count())) {
-    if (!all_) triangles_ = open_triangles(mesh, frozen);
+    if (all_) return;
+    triangles_ = among ? open_triangles(mesh, frozen, among->triangle) : open_triangles(mesh, frozen);
   }
 
   bool none() const { return all_ ? mesh_.empty() : triangles_.empty(); }
@@ -193,15 +196,28 @@ public:
       if (harmless(h, t)) return t;
     return -1.0f;
   }
-  void make_room(std::size_t) {}
-  Index apply(Index h, float t, Index) {
+  void make_room(std::size_t count) {
+    first_ = removed_.vertex.size();
+    removed_.vertex.resize(first_ + count);
+    removed_.triangle.resize(2 * removed_.vertex.size());
+  }
+  Index apply(Index h, float t, Index i) {
     if (state_.options.keep_older && goes_before(mesh_.to(h), mesh_.from(h))) {
       h = mesh_.twin[h];
       t = 1.0f - t;
     }
     const Index kept = mesh_.twin[mesh_.prev(h)];
+    removed_.vertex[first_ + i] = mesh_.to(h);
+    removed_.triangle[2 * (first_ + i)] = h / 3;
+    removed_.triangle[2 * (first_ + i) + 1] = mesh_.twin[h] / 3;
     collapse_edge(mesh_, h, t);
     return kept;
+  }
+  /// What collapses have left dead or unused.
+  RemovedRows removed() && {
+    std::sort(removed_.vertex.begin(), removed_.vertex.end());
+    std::sort(removed_.triangle.begin(), removed_.triangle.end());
+    return std::move(removed_);
   }
   template <class Visit>
   void for_each_changed(Index anchor, const Visit& visit) const {
@@ -242,6 +258,8 @@ private:
   TriangleMesh& mesh_;
   EdgeState state_;
   float limit_ = 0.0f, longest_, least_cosine_;
+  RemovedRows removed_;
+  std::size_t first_ = 0;  // of the collapses that are applied now
 };
 
 /// Flips conflict when their quads share a vertex: so valences are right, and no edge is made twice.
@@ -349,9 +367,7 @@ private:
   std::vector<Index> valence_;
 };
 
-std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& frozen,
-                     OpenTriangles& open) {
-  Collapses collapses(mesh, options, frozen);
+std::size_t collapse(TriangleMesh& mesh, Collapses& collapses, OpenTriangles& open) {
   std::vector<Index> candidates = open.wanted(collapses);
   std::size_t done = 0;
   if (double(candidates.size()) > kManyCollapses * double(mesh.vertex.size() / 2)) {
@@ -368,10 +384,12 @@ std::size_t collapse(TriangleMesh& mesh, const AlterOptions& options, const std:
 }  // namespace
 
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted,
-                  const std::vector<std::uint8_t>& frozen) {
+                  const std::vector<std::uint8_t>& frozen, OpenSet* among) {
   AlterReport report;
-  OpenTriangles open(mesh, frozen);
+  if (among && among->all()) among = nullptr;
+  OpenTriangles open(mesh, frozen, among);
   if (open.none()) return report;
+  const std::size_t triangles_before = mesh.triangle_count();
   // Flips heed the locks of earlier edits, not of this call's: they mend what splits and collapses leave.
   std::vector<std::uint8_t> locked = frozen;
   if (options.respect_locks) {
@@ -382,12 +400,17 @@ AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::ve
   std::vector<std::uint8_t> inverted_now = inverted;
   Splits splits(mesh, options, frozen, inverted_now);
   report.splits = edit_independently(mesh, splits, open.wanted(splits), kSplitRounds);
-  report.collapses = collapse(mesh, options, frozen, open);
+  Collapses collapses(mesh, options, frozen);
+  report.collapses = collapse(mesh, collapses, open);
   if (options.flip) {
     Flips flips(mesh, options, locked, open);
     report.flips = edit_independently(mesh, flips, open.wanted(flips), kFlipRounds);
   }
-  if (report.collapses > 0) compact(mesh);
+  if (among) among->add_rows(mesh, triangles_before);
+  if (report.collapses == 0) return report;
+  RemovedRows removed = std::move(collapses).removed();
+  remove_rows(mesh, removed);
+  if (among) among->remove(removed);
   return report;
 }
 

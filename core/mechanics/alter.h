@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "core/backend.h"
+#include "core/mesh/mesh_part.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
@@ -37,8 +38,9 @@ struct AlterReport {
 /// sum over vertices (valence - 6)^2. The first sum alone is least for Delaunay triangulations (Rippa 1990); valence is
 /// what limits the angles relaxation can reach. One sum that only falls cannot oscillate.
 /// `frozen` (one byte a vertex, may be empty): edges, and quads, with a frozen vertex are left alone, whatever the
-/// ages, but see keep_older.
+/// ages, but see keep_older. `among`, if given and not all, is a set in which no less is open; it goes on with the
+/// edits.
 AlterReport alter(TriangleMesh& mesh, const AlterOptions& options, const std::vector<std::uint8_t>& inverted = {},
-                  const std::vector<std::uint8_t>& frozen = {});
+                  const std::vector<std::uint8_t>& frozen = {}, OpenSet* among = nullptr);
 
 }  // namespace isoskin

@@ -1,6 +1,5 @@
 #include "core/mechanics/motion.h"
 
-#include "core/mesh/mesh_part.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -55,9 +54,10 @@ EdgeWeights along_edges(const DVec3& d, const DVec3& edge_a, const DVec3& edge_b
 }  // namespace
 
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, const Field& field, Backend& backend,
-             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen, const FlowOptions& flow) {
-  if (!frozen.empty()) {
-    OpenPart part = open_part(mesh, frozen);
+             const ProjectOptions& options, const OpenSet& open, const FlowOptions& flow) {
+  if (!open.all()) {
+    const std::vector<std::uint8_t>& frozen = open.frozen;
+    OpenPart part = open_part(mesh, open);
     predict(part.mesh, velocity, dt, field, backend, options, {}, flow);
     for_each_index(frozen.size(), [&](std::size_t v) {
       if (frozen[v]) mesh.vertices.velocity[v] = Vec3(0.0f);

@@ -5,6 +5,7 @@
 
 #include "core/backend.h"
 #include "core/mechanics/flow.h"
+#include "core/mesh/mesh_part.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
@@ -15,10 +16,10 @@ namespace isoskin {
 /// projected from where it was. Afterwards the velocity column holds the motion made where there is no grid (zero where
 /// a vertex found no surface, or dt is 0): what a vertex slides later, when the skin relaxes, is not the surface's.
 ///
-/// `frozen` (one byte a vertex, may be empty): such vertices stay where they are, their velocity becomes zero, and
-/// where all vertices about one are frozen nothing is computed.
+/// Vertices that `open` has frozen stay where they are, their velocity becomes zero, and where all vertices about one
+/// are frozen nothing is computed.
 void predict(TriangleMesh& mesh, const VelocityField* velocity, double dt, const Field& field, Backend& backend,
-             const ProjectOptions& options, const std::vector<std::uint8_t>& frozen = {}, const FlowOptions& flow = {});
+             const ProjectOptions& options, const OpenSet& open = {}, const FlowOptions& flow = {});
 
 /// -grad F / |grad F| of the field the backend holds, zero where the gradient vanishes. As Backend::vertex_normals()
 /// but for rounding, without a mesh that would have to be made resident first.

@@ -1,12 +1,12 @@
 #include "core/mesh/edit.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstdint>
 
 #include <tbb/parallel_invoke.h>
 
 #include "core/mesh/independent_edits.h"
+#include "core/mesh/ranks.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -39,36 +39,6 @@ void set_triangle(TriangleMesh& mesh, Index h, Index a, Index b, Index c) {
   mesh.vertex[h] = a;
   mesh.vertex[mesh.next(h)] = b;
   mesh.vertex[mesh.prev(h)] = c;
-}
-
-/// How many of some numbers below n are below another.
-class Ranks {
-public:
-  Ranks(std::size_t n, const std::vector<Index>& numbers) : bits_(n / 64 + 1), before_(n / 64 + 1) {
-    for (const Index i : numbers) bits_[i / 64] |= std::uint64_t(1) << i % 64;
-    for (std::size_t w = 1; w < bits_.size(); ++w) before_[w] = before_[w - 1] + Index(std::popcount(bits_[w - 1]));
-  }
-  Index below(Index i) const {
-    const std::uint64_t lower = (std::uint64_t(1) << i % 64) - 1;
-    return before_[i / 64] + Index(std::popcount(bits_[i / 64] & lower));
-  }
-
-private:
-  std::vector<std::uint64_t> bits_;
-  std::vector<Index> before_;
-};
-
-/// Removes rows of so many items; what stays keeps its order and its memory.
-template <class Item>
-void remove_rows(std::vector<Item>& column, const std::vector<Index>& rows, std::size_t items = 1) {
-  if (rows.empty()) return;
-  auto to = column.begin() + std::ptrdiff_t(items * rows.front());
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    const auto from = column.begin() + std::ptrdiff_t(items * (rows[k] + 1));
-    const auto end = k + 1 < rows.size() ? column.begin() + std::ptrdiff_t(items * rows[k + 1]) : column.end();
-    to = std::move(from, end, to);
-  }
-  column.erase(to, column.end());
 }
 
 }  // namespace
@@ -142,31 +112,37 @@ void collapse_edge(TriangleMesh& mesh, Index h, float t) {
     for (const Index k3 : {dead, mesh.next(dead), mesh.prev(dead)}) mesh.vertex[k3] = mesh.twin[k3] = kNone;
 }
 
+void remove_rows(TriangleMesh& mesh, const RemovedRows& rows) {
+  if (rows.triangle.empty() && rows.vertex.empty()) return;
+  const Ranks dead_triangles(mesh.triangle_count(), rows.triangle), unused_vertices(mesh.vertex_count(), rows.vertex);
+  const Index first_vertex = rows.vertex.empty() ? kNone : rows.vertex.front(),
+              first_halfedge = rows.triangle.empty() ? kNone : 3 * rows.triangle.front();
+  for_each_index(mesh.vertex.size(), [&](std::size_t h) {
+    if (mesh.vertex[h] == kNone) return;
+    if (mesh.vertex[h] > first_vertex) mesh.vertex[h] -= unused_vertices.below(mesh.vertex[h]);
+    if (mesh.twin[h] > first_halfedge) mesh.twin[h] -= 3 * dead_triangles.below(mesh.twin[h] / 3);
+  });
+  VertexTable& table = mesh.vertices;
+  tbb::parallel_invoke([&] { remove_rows(mesh.vertex, rows.triangle, 3); },
+                       [&] { remove_rows(mesh.twin, rows.triangle, 3); },
+                       [&] { remove_rows(table.position, rows.vertex); }, [&] { remove_rows(table.rest, rows.vertex); },
+                       [&] { remove_rows(table.velocity, rows.vertex); },
+                       [&] {
+                         remove_rows(table.id, rows.vertex);
+                         remove_rows(table.age, rows.vertex);
+                       });
+}
+
 void compact(TriangleMesh& mesh) {
-  const std::vector<Index> dead =
-      indices_where(mesh.triangle_count(), [&](Index t) { return mesh.vertex[3 * t] == kNone; });
+  RemovedRows rows;
+  rows.triangle = indices_where(mesh.triangle_count(), [&](Index t) { return mesh.vertex[3 * t] == kNone; });
   std::vector<std::uint8_t> used(mesh.vertex_count(), 0);
   for_each_index(mesh.vertex.size(), [&](std::size_t h) {
     if (mesh.vertex[h] != kNone)
       std::atomic_ref<std::uint8_t>(used[mesh.vertex[h]]).store(1, std::memory_order_relaxed);
   });
-  const std::vector<Index> unused = indices_where(mesh.vertex_count(), [&](Index v) { return !used[v]; });
-  if (dead.empty() && unused.empty()) return;
-
-  const Ranks dead_triangles(mesh.triangle_count(), dead), unused_vertices(mesh.vertex_count(), unused);
-  for_each_index(mesh.vertex.size(), [&](std::size_t h) {
-    if (mesh.vertex[h] == kNone) return;
-    mesh.vertex[h] -= unused_vertices.below(mesh.vertex[h]);
-    mesh.twin[h] -= 3 * dead_triangles.below(mesh.twin[h] / 3);
-  });
-  VertexTable& table = mesh.vertices;
-  tbb::parallel_invoke([&] { remove_rows(mesh.vertex, dead, 3); }, [&] { remove_rows(mesh.twin, dead, 3); },
-                       [&] { remove_rows(table.position, unused); }, [&] { remove_rows(table.rest, unused); },
-                       [&] { remove_rows(table.velocity, unused); },
-                       [&] {
-                         remove_rows(table.id, unused);
-                         remove_rows(table.age, unused);
-                       });
+  rows.vertex = indices_where(mesh.vertex_count(), [&](Index v) { return !used[v]; });
+  remove_rows(mesh, rows);
 }
 
 }  // namespace isoskin

@@ -2,6 +2,7 @@
 // keeps a closed, oriented 2-manifold. alter() (core/mechanics/alter.h) runs them in parallel on independent sets.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -33,5 +34,26 @@ void collapse_edge(TriangleMesh& mesh, Index h, float t = 0.5f);
 
 /// Removes dead triangles and unused vertices, keeping order.
 void compact(TriangleMesh& mesh);
+
+/// Rows of a mesh, ascending.
+struct RemovedRows {
+  std::vector<Index> vertex, triangle;
+};
+
+/// compact() where it is known what is dead and what is unused.
+void remove_rows(TriangleMesh& mesh, const RemovedRows& rows);
+
+/// Removes rows of so many items; what stays keeps its order and its memory.
+template <class Item>
+void remove_rows(std::vector<Item>& column, const std::vector<Index>& rows, std::size_t items = 1) {
+  if (rows.empty()) return;
+  auto to = column.begin() + std::ptrdiff_t(items * rows.front());
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const auto from = column.begin() + std::ptrdiff_t(items * (rows[k] + 1));
+    const auto end = k + 1 < rows.size() ? column.begin() + std::ptrdiff_t(items * rows[k + 1]) : column.end();
+    to = std::move(from, end, to);
+  }
+  column.erase(to, column.end());
+}
 
 }  // namespace isoskin

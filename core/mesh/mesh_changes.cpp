@@ -4,33 +4,42 @@
 #include <array>
 #include <atomic>
 #include <cstring>
+#include <numeric>
 #include <optional>
 #include <utility>
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include "core/disjoint_sets.h"
 #include "core/mesh/id_set.h"
+#include "core/mesh/ranks.h"
 #include "core/parallel.h"
 
 namespace isoskin {
 namespace {
 
-std::vector<Index> match_vertices(const MeshCopy& before, const TriangleMesh& mesh) {
+/// Fills vertex_before, lost and added.
+void match_vertices(const MeshCopy& before, const TriangleMesh& mesh, MeshChanges& changes) {
   const std::vector<Index>& id = mesh.vertices.id;
-  std::vector<Index> match(id.size(), kNone);
+  std::vector<Index>& match = changes.vertex_before;
+  match.resize(id.size());
   const std::size_t same =
       std::size_t(std::mismatch(id.begin(), id.end(), before.id.begin(), before.id.end()).first - id.begin());
-  for (Index v = 0; v < same; ++v) match[v] = v;
-  if (same == id.size()) return match;
+  std::iota(match.begin(), match.begin() + std::ptrdiff_t(same), Index(0));
   const IdSet here{std::span<const Index>(id).subspan(same)};
-  std::size_t next = same;
+  Index next = Index(same);
+  const auto old_end = Index(before.id.size());
   for (Index v = Index(same); v < id.size(); ++v) {
-    while (next < before.id.size() && before.id[next] != id[v] && !here.contains(before.id[next])) ++next;
-    if (next < before.id.size() && before.id[next] == id[v]) match[v] = Index(next++);
+    while (next < old_end && before.id[next] != id[v] && !here.contains(before.id[next]))
+      changes.lost.push_back(next++);
+    if (next < old_end && before.id[next] == id[v]) {
+      match[v] = next++;
+    } else {
+      match[v] = kNone;
+      changes.added.push_back(v);
+    }
   }
-  return match;
+  while (next < old_end) changes.lost.push_back(next++);
 }
 
 /// Walks through the triangles of both meshes that have all their vertices in both, unmoved.
@@ -127,18 +136,17 @@ private:
   Index old_ = 0, now_ = 0;
 };
 
-/// What some triangles join of some vertices, which are known by ascending names.
+/// What some triangles join of some vertices, which are known by names.
 class Joined {
 public:
-  explicit Joined(const std::vector<Index>& names) : names_(names), sets_(names.size()), used_(names.size(), 0) {}
+  Joined(const Ranks& names, std::size_t count) : names_(names), sets_(count), used_(count, 0) {}
 
   void join(const std::array<Index, 3>& names) {
-    std::array<Index, 3> corner;
-    for (int k = 0; k < 3; ++k)
-      corner[k] = Index(std::lower_bound(names_.begin(), names_.end(), names[k]) - names_.begin());
-    for (const Index i : corner) {
+    const Index first = names_.below(names[0]);
+    for (const Index name : names) {
+      const Index i = names_.below(name);
       used_[i] = 1;
-      sets_.unite(corner[0], i);
+      sets_.unite(first, i);
     }
   }
   /// By numbers among the names.
@@ -146,50 +154,48 @@ public:
   bool uses(Index i) const { return used_[i] != 0; }
 
 private:
-  const std::vector<Index>& names_;
+  const Ranks& names_;
   DisjointSets sets_;
   std::vector<std::uint8_t> used_;
 };
 
-/// Labels as labelled_pieces() wants them, below the number of pieces before; nothing where they may be others.
-std::optional<std::vector<Index>> labels_after(const TriangleMesh& mesh, const MeshCopy& before,
-                                               const MeshPieces& pieces_before, const MeshChanges& changes) {
+/// The pieces before that the vertices added are of, in order (kNone: unused); nothing where what hangs together may be
+/// another.
+std::optional<std::vector<Index>> pieces_of_added(const TriangleMesh& mesh, const MeshCopy& before,
+                                                  const MeshPieces& pieces_before, const MeshChanges& changes) {
   const std::vector<Index>& was = changes.vertex_before;
-  std::vector<Index> label(mesh.vertex_count(), kNone);
-  for_each_index(label.size(), [&](std::size_t v) {
-    if (was[v] != kNone) label[v] = pieces_before.of_vertex[was[v]];
-  });
+  std::vector<Index> label(changes.added.size(), kNone);
   if (changes.gone.empty() && changes.fresh.empty()) return label;
 
   // The vertices of the copy have their own names, those of the mesh that are new come after them.
   const Index first_new = Index(before.id.size());
-  const auto name = [&](Index v) { return was[v] == kNone ? first_new + v : was[v]; };
+  const Ranks added(mesh.vertex_count(), changes.added), lost(first_new, changes.lost);
+  const auto name = [&](Index v) { return was[v] == kNone ? first_new + added.below(v) : was[v]; };
   const auto gone_corners = [&](Index t) -> std::array<Index, 3> {
     return {before.vertex[3 * t], before.vertex[3 * t + 1], before.vertex[3 * t + 2]};
   };
   const auto fresh_corners = [&](Index t) -> std::array<Index, 3> {
     return {name(mesh.vertex[3 * t]), name(mesh.vertex[3 * t + 1]), name(mesh.vertex[3 * t + 2])};
   };
-  std::vector<Index> names;
-  const auto add = [&](const std::array<Index, 3>& corners) {
-    names.insert(names.end(), corners.begin(), corners.end());
+  std::vector<Index> corners(3 * (changes.gone.size() + changes.fresh.size()));
+  const auto list = [&](const std::vector<Index>& triangles, std::size_t from, const auto& corners_of) {
+    for_each_index(triangles.size(), [&](std::size_t i) {
+      const std::array<Index, 3> three = corners_of(triangles[i]);
+      std::copy(three.begin(), three.end(), corners.begin() + std::ptrdiff_t(from + 3 * i));
+    });
   };
-  for (const Index t : changes.gone) add(gone_corners(t));
-  for (const Index t : changes.fresh) add(fresh_corners(t));
-  tbb::parallel_sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
-  std::vector<std::uint8_t> is_left(first_new, 0);
-  for_each_index(was.size(), [&](std::size_t v) {
-    if (was[v] != kNone) is_left[was[v]] = 1;
-  });
+  list(changes.gone, 0, gone_corners);
+  list(changes.fresh, 3 * changes.gone.size(), fresh_corners);
+  const Ranks ranks(first_new + changes.added.size(), corners);
+  const std::vector<Index> names = ranks.numbers();
 
-  Joined gone(names), fresh(names);
+  Joined gone(ranks, names.size()), fresh(ranks, names.size());
   for (const Index t : changes.gone) gone.join(gone_corners(t));
   for (const Index t : changes.fresh) fresh.join(fresh_corners(t));
   std::vector<Index> fresh_of_gone(names.size(), kNone), gone_of_fresh(names.size(), kNone);
   const auto agree = [](Index& known, Index found) { return std::exchange(known, found) == found; };
   for (Index i = 0; i < names.size() && names[i] < first_new; ++i) {
-    if (!is_left[names[i]]) continue;
+    if (lost.contains(names[i])) continue;
     if (!gone.uses(i) || !fresh.uses(i)) return std::nullopt;
     const Index a = gone.find(i), b = fresh.find(i);
     const bool known = fresh_of_gone[a] != kNone || gone_of_fresh[b] != kNone;
@@ -204,11 +210,78 @@ std::optional<std::vector<Index>> labels_after(const TriangleMesh& mesh, const M
   return label;
 }
 
+/// What the triangles add up to by pieces, `times` (1 or -1) over.
+void add_triangles(const std::vector<Index>& triangles, const std::vector<Index>& vertex,
+                   const std::vector<Vec3>& position, const std::vector<Index>& of_vertex, int times,
+                   MeshPieces& pieces) {
+  constexpr std::size_t kBlock = 512;
+  struct Run {
+    Index piece;
+    int count;
+    __int128 solid;
+  };
+  std::vector<std::vector<Run>> runs((triangles.size() + kBlock - 1) / kBlock);
+  tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
+    for (std::size_t i = b * kBlock; i < std::min(triangles.size(), (b + 1) * kBlock); ++i) {
+      const Index* const v = &vertex[3 * std::size_t{triangles[i]}];
+      const Index piece = of_vertex[v[0]];
+      if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0});
+      ++runs[b].back().count;
+      runs[b].back().solid += solid_under(position[v[0]], position[v[1]], position[v[2]]);
+    }
+  });
+  for (const auto& block : runs)
+    for (const Run& run : block) {
+      pieces.triangles[run.piece] += times * run.count;
+      pieces.solid[run.piece] += times * run.solid;
+    }
+}
+
+/// Nothing where pieces have gone or have another order, or new vertices are not the last.
+std::optional<MeshPieces> pieces_after(const TriangleMesh& mesh, const MeshCopy& before,
+                                       const MeshPieces& pieces_before, const MeshChanges& changes,
+                                       const std::vector<Index>& of_added) {
+  const std::size_t left = mesh.vertex_count() - changes.added.size();
+  if (!changes.added.empty() && changes.added.front() != left) return std::nullopt;
+  MeshPieces pieces;
+  pieces.of_vertex.resize(mesh.vertex_count());
+  for_each_index(left, [&](std::size_t v) { pieces.of_vertex[v] = pieces_before.of_vertex[changes.vertex_before[v]]; });
+  std::copy(of_added.begin(), of_added.end(), pieces.of_vertex.begin() + std::ptrdiff_t(left));
+
+  std::vector<int> vertices(pieces_before.count());
+  for (std::size_t p = 0; p < vertices.size(); ++p)
+    vertices[p] = pieces_before.euler[p] + pieces_before.triangles[p] / 2;
+  for (const Index v : changes.lost)
+    if (const Index p = pieces_before.of_vertex[v]; p != kNone) --vertices[p];
+  for (const Index p : of_added)
+    if (p != kNone) ++vertices[p];
+  pieces.first = pieces_before.first;
+  const Ranks lost(before.id.size(), changes.lost);
+  for (Index p = 0; p < vertices.size(); ++p) {
+    if (vertices[p] == 0) return std::nullopt;
+    const bool goes = lost.contains(pieces.first[p]);
+    Index v = pieces.first[p] - lost.below(pieces.first[p]);
+    while (goes && pieces.of_vertex[v] != p) ++v;
+    pieces.first[p] = v;
+  }
+  if (!std::is_sorted(pieces.first.begin(), pieces.first.end())) return std::nullopt;
+
+  pieces.triangles = pieces_before.triangles;
+  pieces.solid = pieces_before.solid;
+  add_triangles(changes.gone, before.vertex, before.position, pieces_before.of_vertex, -1, pieces);
+  add_triangles(changes.fresh, mesh.vertex, mesh.vertices.position, pieces.of_vertex, 1, pieces);
+  for (std::size_t p = 0; p < vertices.size(); ++p) {
+    pieces.euler.push_back(vertices[p] - pieces.triangles[p] / 2);
+    pieces.volume.push_back(volume_of(pieces.solid[p]));
+  }
+  return pieces;
+}
+
 }  // namespace
 
 MeshChanges mesh_changes(const MeshCopy& before, const TriangleMesh& mesh) {
   MeshChanges changes;
-  changes.vertex_before = match_vertices(before, mesh);
+  match_vertices(before, mesh, changes);
   changes.moved.resize(mesh.vertex_count());
   for_each_index(mesh.vertex_count(), [&](std::size_t v) {
     const Index was = changes.vertex_before[v];
@@ -222,8 +295,10 @@ MeshPieces mesh_pieces(const TriangleMesh& mesh, const MeshCopy& before, const M
                        const MeshChanges& changes) {
   constexpr std::size_t kMostChanged = 8;  // one in so many triangles; where more have, joining all takes no longer
   if (changes.fresh.size() * kMostChanged > mesh.triangle_count()) return mesh_pieces(mesh);
-  const auto label = labels_after(mesh, before, pieces_before, changes);
-  return label ? labelled_pieces(mesh, *label, pieces_before.count()) : mesh_pieces(mesh);
+  const auto of_added = pieces_of_added(mesh, before, pieces_before, changes);
+  if (!of_added) return mesh_pieces(mesh);
+  const auto pieces = pieces_after(mesh, before, pieces_before, changes, *of_added);
+  return pieces ? *pieces : mesh_pieces(mesh);
 }
 
 }  // namespace isoskin

@@ -21,6 +21,7 @@ struct MeshCopy {
 struct MeshChanges {
   std::vector<Index> vertex_before;  // per vertex: the one with its id, kNone where there was none, or not in order
   std::vector<std::uint8_t> moved;   // per vertex: not where that was, or new
+  std::vector<Index> lost, added;    // vertices of the copy and of the mesh without one in the other, ascending
   std::vector<Index> gone, fresh;    // triangles of the copy and of the mesh that are not triangles of the other with
                                      // their vertices in the same places, ascending
 };

@@ -1,10 +1,10 @@
 #include "core/mesh/mesh_part.h"
 
 #include <algorithm>
-
-#include <tbb/parallel_sort.h>
+#include <utility>
 
 #include "core/mesh/independent_edits.h"
+#include "core/mesh/ranks.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -43,23 +43,69 @@ std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<st
   });
 }
 
+std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen,
+                                  const std::vector<Index>& among) {
+  const auto is_open = [&](Index v) { return v >= frozen.size() || !frozen[v]; };
+  constexpr std::size_t kBlock = 1024;
+  return collect(among.size(), kBlock, [&](Index i, std::vector<Index>& list) {
+    const Index* const corner = &mesh.vertex[3 * std::size_t{among[i]}];
+    if (is_open(corner[0]) || is_open(corner[1]) || is_open(corner[2])) list.push_back(among[i]);
+  });
+}
+
+OpenSet::OpenSet(const TriangleMesh& mesh, std::vector<std::uint8_t> frozen_vertices)
+    : frozen(std::move(frozen_vertices)) {
+  if (!all()) triangle = open_triangles(mesh, frozen);
+}
+
+OpenSet::OpenSet(const TriangleMesh& mesh, std::vector<std::uint8_t> frozen_vertices, const OpenSet& among)
+    : frozen(std::move(frozen_vertices)) {
+  if (all()) return;
+  if (among.all())
+    triangle = open_triangles(mesh, frozen);
+  else
+    triangle = open_triangles(mesh, frozen, among.triangle);
+}
+
+void OpenSet::add_rows(const TriangleMesh& mesh, std::size_t triangles_before) {
+  if (all()) return;
+  frozen.resize(mesh.vertex_count(), 0);
+  for (std::size_t t = triangles_before; t < mesh.triangle_count(); ++t) triangle.push_back(Index(t));
+}
+
+void OpenSet::remove(const RemovedRows& rows) {
+  if (all()) return;
+  remove_rows(frozen, rows.vertex);
+  auto gone = rows.triangle.begin();
+  std::size_t kept = 0;
+  for (const Index t : triangle) {
+    while (gone != rows.triangle.end() && *gone < t) ++gone;
+    if (gone == rows.triangle.end() || *gone != t) triangle[kept++] = t - Index(gone - rows.triangle.begin());
+  }
+  triangle.resize(kept);
+}
+
 OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen) {
+  OpenSet open;
+  open.frozen = frozen;
+  open.triangle = open_triangles(mesh, frozen);
+  return open_part(mesh, open);
+}
+
+OpenPart open_part(const TriangleMesh& mesh, const OpenSet& open) {
   OpenPart part;
-  part.triangle = open_triangles(mesh, frozen);
-  for (const Index t : part.triangle)
-    part.vertex.insert(part.vertex.end(), {mesh.vertex[3 * t], mesh.vertex[3 * t + 1], mesh.vertex[3 * t + 2]});
-  part.mesh.vertex = part.vertex;
-  part.mesh.twin.resize(part.vertex.size());
-  tbb::parallel_sort(part.vertex.begin(), part.vertex.end());
-  part.vertex.erase(std::unique(part.vertex.begin(), part.vertex.end()), part.vertex.end());
-  const auto number = [](const std::vector<Index>& of, Index whole) {
-    const auto at = std::lower_bound(of.begin(), of.end(), whole);
-    return at != of.end() && *at == whole ? Index(at - of.begin()) : kNone;
-  };
-  for_each_index(part.mesh.vertex.size(), [&](std::size_t h) {
-    part.mesh.vertex[h] = number(part.vertex, part.mesh.vertex[h]);
-    const Index twin = mesh.twin[3 * part.triangle[h / 3] + h % 3], t = number(part.triangle, twin / 3);
-    part.mesh.twin[h] = t == kNone ? kNone : 3 * t + twin % 3;
+  part.triangle = open.triangle;
+  std::vector<Index> corner(3 * part.triangle.size());
+  for_each_index(corner.size(), [&](std::size_t h) { corner[h] = mesh.vertex[3 * part.triangle[h / 3] + h % 3]; });
+  const Ranks vertices(mesh.vertex_count(), corner), triangles(mesh.triangle_count(), part.triangle);
+  part.vertex = vertices.numbers();
+  part.mesh.vertex.resize(corner.size());
+  part.mesh.twin.resize(corner.size());
+  for_each_index(corner.size(), [&](std::size_t h) {
+    part.mesh.vertex[h] = vertices.below(corner[h]);
+    const Index twin = mesh.twin[3 * part.triangle[h / 3] + h % 3];
+    part.mesh.twin[h] =
+        twin != kNone && triangles.contains(twin / 3) ? 3 * triangles.below(twin / 3) + twin % 3 : kNone;
   });
   VertexTable& table = part.mesh.vertices;
   table.position.resize(part.vertex.size());

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/mesh/edit.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace isoskin {
@@ -33,8 +34,31 @@ struct OpenPart {
 /// The triangles with a vertex that is not frozen, ascending; `frozen`: one byte a vertex, vertices beyond its end are
 /// not. Parallel.
 std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
+/// Those of them that are among some, which ascend.
+std::vector<Index> open_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen,
+                                  const std::vector<Index>& among);
+
+/// What of a mesh may change: found once, it goes on through edits.
+struct OpenSet {
+  std::vector<std::uint8_t> frozen;  // one byte a vertex; empty: none is, and all triangles are open
+  std::vector<Index> triangle;       // open_triangles() where some are frozen
+
+  OpenSet() = default;
+  OpenSet(const TriangleMesh& mesh, std::vector<std::uint8_t> frozen_vertices);
+  /// `among`: one in which no less is open.
+  OpenSet(const TriangleMesh& mesh, std::vector<std::uint8_t> frozen_vertices, const OpenSet& among);
+
+  bool all() const { return frozen.empty(); }
+  /// Of a mesh with triangles.
+  bool none() const { return !all() && triangle.empty(); }
+  /// After edits of what is open: new rows of the mesh before they are removed, and those that are then.
+  void add_rows(const TriangleMesh& mesh, std::size_t triangles_before);
+  void remove(const RemovedRows& rows);
+};
 
 /// open_triangles() as a mesh. Parallel.
 OpenPart open_part(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen);
+/// The same of a set in which not all is open.
+OpenPart open_part(const TriangleMesh& mesh, const OpenSet& open);
 
 }  // namespace isoskin

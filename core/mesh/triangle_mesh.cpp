@@ -265,45 +265,57 @@ MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& l
   pieces.of_vertex.resize(n);
   for_each_index(n, [&](std::size_t v) { pieces.of_vertex[v] = label[v] == kNone ? kNone : first[label[v]]; });
 
-  // What blocks of vertices and triangles add to pieces, in runs, so that sums come in one order whatever the threads.
+  // What blocks of vertices and triangles add to pieces, in runs: most that follow each other are of one.
   struct Run {
     Index piece;
     int count;
-    double volume;  // six times, seen from the piece's first vertex to keep cancellation small
+    __int128 solid;
   };
-  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& volume_of) {
+  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& solid_of) {
     std::vector<std::vector<Run>> runs((count + kBlock - 1) / kBlock);
     tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
       for (std::size_t i = b * kBlock; i < std::min(count, (b + 1) * kBlock); ++i) {
         const Index piece = pieces.of_vertex[vertex_of(i)];
         if (piece == kNone) continue;
-        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0.0});
+        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0});
         ++runs[b].back().count;
-        runs[b].back().volume += volume_of(i, piece);
+        runs[b].back().solid += solid_of(i);
       }
     });
     return runs;
   };
   pieces.euler.assign(origin.size(), 0);
-  pieces.volume.assign(origin.size(), 0.0);
-  std::vector<int> faces(origin.size(), 0);
+  pieces.triangles.assign(origin.size(), 0);
+  pieces.solid.assign(origin.size(), 0);
   for (const auto& block : runs_of(
-           n, [](std::size_t v) { return v; }, [](std::size_t, Index) { return 0.0; }))
+           n, [](std::size_t v) { return v; }, [](std::size_t) { return 0; }))
     for (const Run& run : block) pieces.euler[run.piece] += run.count;
-  const auto volume_under = [&](std::size_t t, Index piece) {
-    const DVec3 o(mesh.position(origin[piece]));
-    const DVec3 a = DVec3(mesh.position(mesh.vertex[3 * t])) - o, b = DVec3(mesh.position(mesh.vertex[3 * t + 1])) - o,
-                c = DVec3(mesh.position(mesh.vertex[3 * t + 2])) - o;
-    return glm::dot(a, glm::cross(b, c));
+  const auto solid_of = [&](std::size_t t) {
+    const Index* const v = &mesh.vertex[3 * t];
+    return solid_under(mesh.position(v[0]), mesh.position(v[1]), mesh.position(v[2]));
   };
   for (const auto& block : runs_of(
-           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, volume_under))
+           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, solid_of))
     for (const Run& run : block) {
-      faces[run.piece] += run.count;
-      pieces.volume[run.piece] += run.volume / 6.0;
+      pieces.triangles[run.piece] += run.count;
+      pieces.solid[run.piece] += run.solid;
     }
-  for (std::size_t p = 0; p < pieces.count(); ++p) pieces.euler[p] -= faces[p] / 2;  // V - E + F with 2 E = 3 F
+  for (std::size_t p = 0; p < pieces.count(); ++p) {
+    pieces.euler[p] -= pieces.triangles[p] / 2;  // V - E + F with 2 E = 3 F
+    pieces.volume.push_back(volume_of(pieces.solid[p]));
+  }
+  pieces.first = std::move(origin);
   return pieces;
+}
+
+__int128 solid_under(const Vec3& a, const Vec3& b, const Vec3& c) {
+  constexpr double kLargest = 0x1p40;  // world units^3: so many million of them fit
+  const double six = glm::dot(DVec3(a), glm::cross(DVec3(b) - DVec3(a), DVec3(c) - DVec3(a)));
+  return std::abs(six) < kLargest ? static_cast<__int128>(six * 0x1p80) : 0;
+}
+
+double volume_of(__int128 solid) {
+  return static_cast<double>(solid) * 0x1p-80 / 6.0;
 }
 
 TriangleMesh submesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& keep) {

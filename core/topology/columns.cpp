@@ -26,6 +26,7 @@ constexpr double kCorner = 1 << kFraction;
 constexpr double kFarthest = 1 << 23;           // lattice corners
 constexpr std::int64_t kShortSpan = 1ll << 30;  // products of spans below this fit 64 bits
 constexpr std::size_t kChunk = 2048;            // triangles
+constexpr std::size_t kFewChunk = 256;          // where only some are looked at
 constexpr int kHits = 16;                       // columns looked at at a time
 
 /// A vertex in lattice coordinates.
@@ -110,27 +111,46 @@ std::uint64_t triangle_print(std::uint64_t a, std::uint64_t b, std::uint64_t c) 
   return mixed(mixed(mixed(a) + b) + c);
 }
 
-/// Finds brick columns' numbers; most are that of the one before.
-class Numbers {
+/// Finds brick columns' numbers: in a table, or, where columns lie far apart, by hashing them.
+class ColumnNumbers {
 public:
-  explicit Numbers(const BrickLattice& index) : index_(index) {}
-
-  Index of(const IVec3& column) {
-    if (column != last_) {
-      last_ = column;
-      last_number_ = index_.find(column);
+  explicit ColumnNumbers(const std::vector<IVec3>& columns) {
+    constexpr std::size_t kMostEntries = 64;  // of the table, a column
+    if (columns.empty()) return;
+    glm::ivec2 high(columns.front());
+    low_ = high;
+    for (const IVec3& c : columns) low_ = glm::min(low_, glm::ivec2(c)), high = glm::max(high, glm::ivec2(c));
+    size_ = high - low_ + 1;
+    if (std::size_t(size_.x) * std::size_t(size_.y) > kMostEntries * columns.size()) {
+      hashed_.coordinate = columns;
+      hashed_.build_index();
+      return;
     }
-    return last_number_;
+    table_.assign(std::size_t(size_.x) * std::size_t(size_.y), kNone);
+    for (Index c = 0; c < columns.size(); ++c) table_[place(glm::ivec2(columns[c]) - low_)] = c;
   }
 
+  /// kNone where there is no such column.
+  Index of(const IVec3& column) const {
+    const glm::ivec2 at = glm::ivec2(column) - low_;
+    if (at.x < 0 || at.y < 0 || at.x >= size_.x || at.y >= size_.y) return kNone;
+    return table_.empty() ? hashed_.find(column) : table_[place(at)];
+  }
+  bool is_table() const { return !table_.empty(); }
+  /// All lie within low() .. low() + size() - 1.
+  const glm::ivec2& low() const { return low_; }
+  const glm::ivec2& size() const { return size_; }
+
 private:
-  const BrickLattice& index_;
-  IVec3 last_{0, 0, 1};  // no column
-  Index last_number_ = kNone;
+  std::size_t place(const glm::ivec2& at) const { return std::size_t(at.x) * std::size_t(size_.y) + std::size_t(at.y); }
+
+  glm::ivec2 low_{0}, size_{0};
+  std::vector<Index> table_;
+  BrickLattice hashed_;
 };
 
 /// Adds a triangle's print, or what undoes it, to the sums of the columns it may cross.
-void add_print(const Reach& reach, std::uint64_t print, Numbers& numbers, std::vector<std::uint64_t>& sum) {
+void add_print(const Reach& reach, std::uint64_t print, const ColumnNumbers& numbers, std::vector<std::uint64_t>& sum) {
   if (reach.empty()) return;
   reach.any_brick_column([&](const IVec3& column) {
     const Index number = numbers.of(column);
@@ -167,8 +187,9 @@ private:
 /// Collects crossings of a run of triangles.
 class Finder {
 public:
-  /// `index`: the lattice's brick columns. `wanted`: as cross_columns() has it.
-  Finder(const BrickLattice& index, const std::vector<std::uint8_t>& wanted) : numbers_(index), wanted_(wanted) {}
+  /// `numbers`: of the lattice's brick columns. `wanted`: as cross_columns() has it.
+  Finder(const ColumnNumbers& numbers, const std::vector<std::uint8_t>& wanted)
+      : numbers_(&numbers), wanted_(&wanted) {}
 
   void triangle(const Rounded& a, const Rounded& b, const Rounded& c, Index triangle) {
     const Reach reach(a, b, c);
@@ -186,9 +207,9 @@ public:
 
 private:
   bool is_wanted(const Reach& reach) {
-    return wanted_.empty() || reach.any_brick_column([&](const IVec3& column) {
-      const Index number = numbers_.of(column);
-      return number == kNone || wanted_[number];
+    return wanted_->empty() || reach.any_brick_column([&](const IVec3& column) {
+      const Index number = numbers_->of(column);
+      return number == kNone || (*wanted_)[number];
     });
   }
 
@@ -234,15 +255,15 @@ private:
     for (int dx = 0; dx <= (x & 7 ? 0 : 1); ++dx)
       for (int dy = 0; dy <= (y & 7 ? 0 : 1); ++dy) {
         const IVec3 column(bx - dx, by - dy, 0);
-        found.push_back({crossing, numbers_.of(column)});
+        found.push_back({crossing, numbers_->of(column)});
         found.back().crossing.row =
             static_cast<std::uint8_t>(((x & 7) + kCells * dx) * kCorners + (y & 7) + kCells * dy);
         if (found.back().column == kNone) stray.emplace_back(found.size() - 1, column);
       }
   }
 
-  Numbers numbers_;
-  const std::vector<std::uint8_t>& wanted_;
+  const ColumnNumbers* numbers_;
+  const std::vector<std::uint8_t>* wanted_;
 };
 
 /// Sorts by row, then by first; those alike in both stay in order.
@@ -261,48 +282,86 @@ void sort_column(std::span<ColumnCrossing> column) {
   }
 }
 
-/// The lattice's brick columns, in order; returns them as something that finds their numbers.
-BrickLattice list_columns(const BrickLattice& lattice, MeshColumns& out) {
+/// The lattice's brick columns, in order.
+ColumnNumbers list_columns(const BrickLattice& lattice, MeshColumns& out) {
   for (std::size_t b = 0; b < lattice.brick_count(); ++b) {
     const IVec3 c(lattice.coordinate[b].x, lattice.coordinate[b].y, 0);
     if (!out.column.empty() && out.column.back() == c) continue;
     out.column.push_back(c);
     out.first_brick.push_back(static_cast<Index>(b));
   }
-  BrickLattice index;
-  index.coordinate = out.column;
-  index.build_index();
-  return index;
+  return ColumnNumbers(out.column);
 }
 
-/// Triangles that may cross a wanted column, or one that is not the lattice's, and not many others; `index`: the
-/// lattice's brick columns.
-std::vector<Index> triangles_about(const TriangleMesh& mesh, const BrickLattice& lattice, const BrickLattice& index,
+/// Tells of vertices whether they are far from wanted columns, and from those that are not the lattice's.
+class QuietColumns {
+public:
+  QuietColumns(const BrickLattice& lattice, const ColumnNumbers& numbers, const std::vector<std::uint8_t>& wanted)
+      : low_(numbers.low()), size_(numbers.size()), origin_(lattice.origin), per_cell_(1.0 / lattice.spacing) {
+    if (!numbers.is_table() || std::max(size_.x, size_.y) > kMostAcross) return;
+    quiet_.assign(std::size_t(size_.x) * std::size_t(size_.y), 1);
+    for (int x = -1; x <= size_.x; ++x)
+      for (int y = -1; y <= size_.y; ++y) {
+        const Index number = numbers.of({low_.x + x, low_.y + y, 0});
+        if (number != kNone && !wanted[number]) continue;
+        for (int i = std::max(0, x - 1); i <= std::min(size_.x - 1, x + 1); ++i)
+          for (int j = std::max(0, y - 1); j <= std::min(size_.y - 1, y + 1); ++j) quiet_[place(i, j)] = 0;
+      }
+  }
+
+  /// 0 where something is wanted about the vertex's column, or nothing is known; else a name of that column.
+  std::uint32_t name(const Vec3& p) const {
+    const glm::dvec2 at = (glm::dvec2(p) - origin_) * (per_cell_ / kCells) - glm::dvec2(low_);
+    if (quiet_.empty() || !(at.x >= 0.0 && at.y >= 0.0 && at.x < size_.x && at.y < size_.y)) return 0;
+    const int x = int(at.x), y = int(at.y);
+    return quiet_[place(x, y)] ? std::uint32_t(x + 1) << 16 | std::uint32_t(y) : 0;
+  }
+  /// Whether nothing is wanted about a triangle whose vertices' columns have these names.
+  static bool about(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    if (a == 0 || b == 0 || c == 0) return false;
+    return (a == b && b == c) || (near(a, b) && near(b, c) && near(c, a));
+  }
+
+private:
+  static constexpr int kMostAcross = 1 << 15;
+  static bool near(std::uint32_t a, std::uint32_t b) {
+    const int x = int(a >> 16) - int(b >> 16), y = int(a & 0xffff) - int(b & 0xffff);
+    return x >= -1 && x <= 1 && y >= -1 && y <= 1;
+  }
+  std::size_t place(int x, int y) const { return std::size_t(x) * std::size_t(size_.y) + std::size_t(y); }
+
+  glm::ivec2 low_, size_;
+  glm::dvec2 origin_;
+  double per_cell_;
+  std::vector<std::uint8_t> quiet_;
+};
+
+/// Triangles that may cross a wanted column, or one that is not the lattice's, and not many others.
+std::vector<Index> triangles_about(const TriangleMesh& mesh, const BrickLattice& lattice, const ColumnNumbers& numbers,
                                    const std::vector<std::uint8_t>& wanted) {
   constexpr double kSlack = 0.01;  // of a corner, for rounding
-  if (index.coordinate.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
-  IVec3 low = index.coordinate.front(), high = low;
-  for (const IVec3& column : index.coordinate) low = glm::min(low, column), high = glm::max(high, column);
-  const glm::ivec2 first(low), size(high - low + 1);
-  std::vector<std::uint8_t> look(std::size_t(size.x) * std::size_t(size.y), 1);
-  for (std::size_t c = 0; c < wanted.size(); ++c) {
-    const glm::ivec2 at = glm::ivec2(index.coordinate[c]) - first;
-    look[std::size_t(at.x) * std::size_t(size.y) + std::size_t(at.y)] = wanted[c];
-  }
-  std::vector<std::array<glm::ivec2, 2>> columns(mesh.vertex_count());  // the first and last about each vertex
-  for_each_index(columns.size(), [&](std::size_t v) {
+  if (wanted.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
+  const QuietColumns quiet(lattice, numbers, wanted);
+  std::vector<std::uint32_t> name(mesh.vertex_count());
+  for_each_index(name.size(), [&](std::size_t v) { name[v] = quiet.name(mesh.position(Index(v))); });
+  // The first and last columns about a vertex.
+  const auto about = [&](Index v) -> std::array<glm::ivec2, 2> {
     const glm::dvec2 q(in_lattice(lattice, mesh.vertices.position[v], v));
-    columns[v] = {glm::ivec2(glm::floor((q - (1.0 + kSlack)) / double(kCells))) - first,
-                  glm::ivec2(glm::floor((q + kSlack) / double(kCells))) - first};
-  });
+    return {glm::ivec2(glm::floor((q - (1.0 + kSlack)) / double(kCells))),
+            glm::ivec2(glm::floor((q + kSlack) / double(kCells)))};
+  };
   return indices_where(mesh.triangle_count(), [&](Index t) {
-    const auto &a = columns[mesh.vertex[3 * t]], &b = columns[mesh.vertex[3 * t + 1]],
-               &c = columns[mesh.vertex[3 * t + 2]];
+    const Index* const v = &mesh.vertex[3 * std::size_t{t}];
+    if (QuietColumns::about(name[v[0]], name[v[1]], name[v[2]])) return false;
+    const auto a = about(v[0]), b = about(v[1]), c = about(v[2]);
     const glm::ivec2 from = glm::min(glm::min(a[0], b[0]), c[0]), to = glm::max(glm::max(a[1], b[1]), c[1]);
-    if (from.x < 0 || from.y < 0 || to.x >= size.x || to.y >= size.y) return true;
+    const glm::ivec2 end = numbers.low() + numbers.size();
+    if (from.x < numbers.low().x || from.y < numbers.low().y || to.x >= end.x || to.y >= end.y) return true;
     for (int x = from.x; x <= to.x; ++x)
-      for (int y = from.y; y <= to.y; ++y)
-        if (look[std::size_t(x) * std::size_t(size.y) + std::size_t(y)]) return true;
+      for (int y = from.y; y <= to.y; ++y) {
+        const Index number = numbers.of({x, y, 0});
+        if (number == kNone || wanted[number]) return true;
+      }
     return false;
   });
 }
@@ -385,19 +444,20 @@ void for_each_row(const MeshColumns& columns, const BrickLattice& lattice, std::
 MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
                           const std::vector<std::uint8_t>& wanted) {
   MeshColumns out;
-  const BrickLattice index = list_columns(lattice, out);
+  const ColumnNumbers numbers = list_columns(lattice, out);
   const bool all = wanted.empty(), none = !all && std::find(wanted.begin(), wanted.end(), 1) == wanted.end();
   const std::vector<Rounded> vertex = all ? round_vertices(mesh, lattice) : std::vector<Rounded>{};
-  const std::vector<Index> some = all || none ? std::vector<Index>{} : triangles_about(mesh, lattice, index, wanted);
+  const std::vector<Index> some = all || none ? std::vector<Index>{} : triangles_about(mesh, lattice, numbers, wanted);
   const std::size_t triangles = all ? mesh.triangle_count() : some.size();
   const auto corner = [&](Index h) {
     const Index v = mesh.vertex[h];
     return all ? vertex[v] : round_vertex(lattice, mesh.position(v), v);
   };
-  std::vector<Finder> chunks((triangles + kChunk - 1) / kChunk, Finder(index, wanted));
+  const std::size_t of_chunk = all ? kChunk : kFewChunk;
+  std::vector<Finder> chunks((triangles + of_chunk - 1) / of_chunk, Finder(numbers, wanted));
   tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t k) {
-    if (all) chunks[k].found.reserve(2 * kChunk);
-    for (std::size_t i = k * kChunk; i < std::min(triangles, (k + 1) * kChunk); ++i) {
+    if (all) chunks[k].found.reserve(2 * of_chunk);
+    for (std::size_t i = k * of_chunk; i < std::min(triangles, (k + 1) * of_chunk); ++i) {
       const Index t = all ? static_cast<Index>(i) : some[i];
       chunks[k].triangle(corner(3 * t), corner(3 * t + 1), corner(3 * t + 2), t);
     }
@@ -422,13 +482,12 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
 
 std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLattice& lattice) {
   MeshColumns columns;
-  const BrickLattice index = list_columns(lattice, columns);
+  const ColumnNumbers numbers = list_columns(lattice, columns);
   const std::vector<Rounded> vertex = round_vertices(mesh, lattice);
   std::vector<std::uint64_t> print(mesh.vertex_count()), sum(columns.column.size(), 0);
   for_each_index(print.size(), [&](std::size_t v) { print[v] = vertex_print(vertex[v]); });
   const std::size_t triangles = mesh.triangle_count();
   tbb::parallel_for(std::size_t{0}, (triangles + kChunk - 1) / kChunk, [&](std::size_t k) {
-    Numbers numbers(index);
     for (std::size_t t = k * kChunk; t < std::min(triangles, (k + 1) * kChunk); ++t) {
       const Index *const corner = &mesh.vertex[3 * t], a = corner[0], b = corner[1], c = corner[2];
       add_print(Reach(vertex[a], vertex[b], vertex[c]), triangle_print(print[a], print[b], print[c]), numbers, sum);
@@ -440,12 +499,11 @@ std::vector<std::uint64_t> column_prints(const TriangleMesh& mesh, const BrickLa
 void update_column_prints(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes,
                           const BrickLattice& lattice, std::vector<std::uint64_t>& print) {
   MeshColumns columns;
-  const BrickLattice index = list_columns(lattice, columns);
+  const ColumnNumbers numbers = list_columns(lattice, columns);
   const auto add = [&](const std::vector<Index>& triangles, const std::vector<Index>& vertex,
                        const std::vector<Vec3>& position, bool gone) {
-    tbb::parallel_for(std::size_t{0}, (triangles.size() + kChunk - 1) / kChunk, [&](std::size_t k) {
-      Numbers numbers(index);
-      for (std::size_t i = k * kChunk; i < std::min(triangles.size(), (k + 1) * kChunk); ++i) {
+    tbb::parallel_for(std::size_t{0}, (triangles.size() + kFewChunk - 1) / kFewChunk, [&](std::size_t k) {
+      for (std::size_t i = k * kFewChunk; i < std::min(triangles.size(), (k + 1) * kFewChunk); ++i) {
         const Index* const corner = &vertex[3 * std::size_t{triangles[i]}];
         const auto rounded = [&](int c) { return round_vertex(lattice, position[corner[c]], corner[c]); };
         const Rounded a = rounded(0), b = rounded(1), c = rounded(2);

@@ -4,7 +4,6 @@
 #include <map>
 #include <vector>
 
-#include "core/mesh/mesh_part.h"
 #include "core/mesh/small_pieces.h"
 #include "core/topology/mesh_patch.h"
 #include "core/topology/mesh_probe.h"
@@ -47,8 +46,9 @@ struct Subdivision {
 };
 
 /// Some triangle of each small piece with a vertex that is not frozen.
-std::vector<Index> small_piece_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& frozen) {
-  const std::vector<Index> vertices = small_piece_vertices(mesh, open_triangles(mesh, frozen));
+std::vector<Index> small_piece_triangles(const TriangleMesh& mesh, const OpenSet& open) {
+  const std::vector<Index> vertices =
+      open.all() ? small_piece_vertices(mesh) : small_piece_vertices(mesh, open.triangle);
   std::vector<Index> triangles;
   if (vertices.empty()) return triangles;
   for (Index h = 0; h < mesh.vertex.size(); h += 3)
@@ -61,10 +61,10 @@ std::vector<Index> small_piece_triangles(const TriangleMesh& mesh, const std::ve
 }  // namespace
 
 std::size_t grow_small_pieces(TriangleMesh& mesh, Backend& backend, const ProjectOptions& project, double edge_length,
-                              const std::vector<std::uint8_t>& frozen) {
+                              const OpenSet& open) {
   constexpr int kLevels = 3;
   const double longest = kSmallPieceEdge * edge_length;
-  std::vector<Index> grown = small_piece_triangles(mesh, frozen);
+  std::vector<Index> grown = small_piece_triangles(mesh, open);
   std::size_t count = 0;
   for (int level = 0; level < kLevels; ++level) {
     std::erase_if(grown, [&](Index t) { return mean_edge_of(mesh, piece_of(mesh, t)) <= longest; });

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include <tbb/blocked_range.h>
@@ -30,29 +31,47 @@ void mark(std::uint8_t& flag) {
   std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed);
 }
 
+/// The (n / 2)-th of n values that are not negative, in order of size.
+double median_of(const std::vector<double>& values) {
+  // By the first half of their bits as floats first: one bin of a few is left to be sorted.
+  const auto bin = [](double value) { return std::bit_cast<std::uint32_t>(float(value)) >> 16; };
+  std::vector<Index> count(1 << 16);
+  for (const double value : values) ++count[bin(value)];
+  std::size_t before = 0;
+  std::uint32_t middle = 0;
+  for (; before + count[middle] <= values.size() / 2; ++middle) before += count[middle];
+  std::vector<double> some;
+  std::copy_if(values.begin(), values.end(), std::back_inserter(some),
+               [&](double value) { return bin(value) == middle; });
+  const auto at = some.begin() + std::ptrdiff_t(values.size() / 2 - before);
+  std::nth_element(some.begin(), at, some.end());
+  return *at;
+}
+
 /// Median of the gradient's norm, by differences, over corners next to a crossing.
 double median_slope(const BrickLattice& lattice) {
   constexpr std::array<int, 3> stride{kCorners * kCorners, kCorners, 1};
   const std::size_t every = 1 + lattice.brick_count() / kSlopeBricks;
-  std::vector<double> slopes;
-  for (std::size_t b = 0; b < lattice.brick_count(); b += every) {
-    const BrickSigns signs(&lattice.value[b * kValues]);
-    if (!signs.mixed()) continue;
+  std::vector<std::vector<double>> of_brick((lattice.brick_count() + every - 1) / every);
+  tbb::parallel_for(std::size_t{0}, of_brick.size(), [&](std::size_t i) {
+    const float* const value = &lattice.value[i * every * kValues];
+    const BrickSigns signs(value);
+    if (!signs.mixed()) return;
     for (int x = 0; x < kCells; ++x)
       for (int y = 0; y < kCells; ++y) {
         const unsigned r = signs.at(x, y);
         unsigned crossing = ((r ^ signs.at(x + 1, y)) | (r ^ signs.at(x, y + 1)) | (r ^ r >> 1)) & 0xffu;
         for (; crossing; crossing &= crossing - 1) {
-          const float* p = &lattice.value[b * kValues + (x * kCorners + y) * kCorners + std::countr_zero(crossing)];
+          const float* p = value + (x * kCorners + y) * kCorners + std::countr_zero(crossing);
           double squared = 0.0;
           for (const int s : stride) squared += (static_cast<double>(p[s]) - p[0]) * (static_cast<double>(p[s]) - p[0]);
-          slopes.push_back(std::sqrt(squared));
+          of_brick[i].push_back(squared);
         }
       }
-  }
-  if (slopes.empty()) return 0.0;
-  std::nth_element(slopes.begin(), slopes.begin() + slopes.size() / 2, slopes.end());
-  return slopes[slopes.size() / 2] / lattice.spacing;
+  });
+  std::vector<double> squares;
+  for (const auto& of : of_brick) squares.insert(squares.end(), of.begin(), of.end());
+  return squares.empty() ? 0.0 : std::sqrt(median_of(squares)) / lattice.spacing;
 }
 
 /// Everything a walk up the columns reads and reports to.
