@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/frame_step.h"
@@ -44,6 +45,19 @@ double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
     area += 0.5 * double(glm::length(glm::cross(mesh.position(corner[1]) - a, mesh.position(corner[2]) - a)));
   }
   return area;
+}
+
+/// In parallel, to where there is memory already.
+void copy_mesh(const TriangleMesh& from, TriangleMesh& to) {
+  tbb::parallel_invoke([&] { to.vertex = from.vertex; }, [&] { to.twin = from.twin; },
+                       [&] { to.vertices.position = from.vertices.position; },
+                       [&] { to.vertices.rest = from.vertices.rest; },
+                       [&] { to.vertices.velocity = from.vertices.velocity; },
+                       [&] {
+                         to.vertices.id = from.vertices.id;
+                         to.vertices.age = from.vertices.age;
+                       });
+  to.next_id = from.next_id;
 }
 
 /// How many are in all three; `some` ascending, perhaps repeating.
@@ -120,41 +134,7 @@ AlterOptions unlocked_and_still(AlterOptions options) {
   return options;
 }
 
-/// Seen along the surface what lies beside it looks several times as far off: so much keeps 99 % of depths within 0.25
-/// voxels or 0.02 e at 18 degrees. A chord's sagitta grows with the square of its angle.
-double default_sagitta(double angle, double voxel, double edge_length) {
-  constexpr double kVoxels = 0.04, kEdges = 0.0027, kAngle = 18.0;
-  return (voxel > 0.0 ? kVoxels * voxel : kEdges * edge_length) * std::pow(angle / kAngle, 2.0);
-}
-
 }  // namespace
-
-TrackOptions resolved(TrackOptions options, const Field& first) {
-  constexpr double kVoxelsPerEdge = 1.5, kEdgesPerDiagonal = 60.0;
-  // Edges that fit across the diagonal: with more the mesh has hundreds of millions of triangles. A grid whose own
-  // voxels are as many is still meshed at its default edge.
-  constexpr double kMostEdgesAcross = 4096.0;
-  const double diagonal = first.bounds().diagonal();
-  const double voxel = first.resolution();
-  double& e = options.edge_length;
-  const double usual = voxel > 0.0 ? kVoxelsPerEdge * voxel : diagonal / kEdgesPerDiagonal;
-  if (e == 0.0) e = usual;
-  if (e == 0.0) e = 1.0;  // an empty scene: nothing to mesh yet, any length serves until there is
-  const double least = std::min(diagonal / kMostEdgesAcross, usual);
-  if (!std::isfinite(e) || e <= 0.0 || e < least || (diagonal > 0.0 && e > diagonal))
-    throw InputError(fmt::format("edge length {}: expected a length from {:.4g} to {:.4g}, the surface's diagonal", e,
-                                 least, diagonal));
-  if (options.lattice_spacing == 0.0) options.lattice_spacing = voxel > 0.0 ? 0.5 * voxel : 0.5 * e;
-  if (options.tolerance == 0.0) options.tolerance = voxel > 0.0 ? voxel : 0.5 * e;
-  options.alter.edge_length = options.relax.edge_length = float(e);
-  options.project.tolerance = float(1e-4 * e);
-  options.project.max_step = float(0.5 * e);
-  // A grid has no detail below its voxels; a crease would be split for nothing until the passes run out.
-  constexpr double kFinestEdge = 0.6;
-  if (options.refine.shortest == 0.0f) options.refine.shortest = float(kFinestEdge * voxel);
-  options.refine.sagitta = float(options.sagitta.value_or(default_sagitta(options.refine.angle, voxel, e)));
-  return options;
-}
 
 Tracker::Tracker(std::unique_ptr<Backend> backend, const TrackOptions& options)
     : backend_(std::move(backend)), options_(options) {
@@ -167,6 +147,7 @@ void Tracker::resume(TriangleMesh mechanical, const FieldFrame& last,
                      const std::optional<std::vector<DVec3>>& critical_points) {
   mesh_ = std::move(mechanical);
   geometric_ = {};
+  before_ = {};
   last_field_ = last.field;
   time_ = last.time;
   started_ = true;
@@ -186,8 +167,9 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   FrameReport report;
   report.frame = frame.frame;
   report.time = frame.time;
-  const IdSet before(mesh_.vertices.id);
-  const double vertices_before = double(mesh_.vertex_count());
+  const std::shared_ptr<const MeshCopy> before =
+      before_.sides.mesh ? before_.sides.mesh : std::make_shared<const MeshCopy>(mesh_);
+  const Index first_new = mesh_.next_id;
   options_.alter.dt = float(seconds_to(frame));
   material_is_known_ = frame.velocity != nullptr;
   {
@@ -201,7 +183,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
   // What sleeps whole is as it was predicted.
   const bool moves = may_have_flaps && !open.none();
-  if (moves) predicted_ = mesh_;
+  if (moves) copy_mesh(mesh_, predicted_);
   relax(std::move(open), report);
   certify(evidence, report);
   look_closer(frame, evidence, report);
@@ -226,9 +208,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     Step step(report, "intersect");
     report.mechanical_intersections = count_self_intersections(mesh_);
   }
-  const IdSet after(mesh_.vertices.id);
-  report.survived = vertices_before > 0.0 ? double(before.count_shared(after)) / vertices_before : 1.0;
-  report.inherited = vertices_before > 0.0 ? double(count_in_all(before, after, inherited_)) / vertices_before : 0.0;
+  report_survivors(before->id, first_new, evidence.sides.changes, report);
   report.mechanical_triangles = mesh_.triangle_count();
   report.geometric_triangles = geometric_.triangle_count();
   if (evidence.sides.changes)
@@ -247,6 +227,23 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   time_ = frame.time;
   started_ = true;
   return report;
+}
+
+/// Of the vertices `before`; ids from `first_new` on are not among them.
+void Tracker::report_survivors(const std::vector<Index>& before, Index first_new,
+                               const std::optional<MeshChanges>& changes, FrameReport& report) const {
+  if (before.empty()) return;
+  const std::vector<Index>& after = mesh_.vertices.id;
+  const bool told =
+      changes && inherited_.empty() &&
+      std::all_of(changes->added.begin(), changes->added.end(), [&](Index v) { return after[v] >= first_new; });
+  if (told) {
+    report.survived = double(after.size() - changes->added.size()) / double(before.size());
+    return;
+  }
+  const IdSet then(before), now(after);
+  report.survived = double(then.count_shared(now)) / double(before.size());
+  report.inherited = double(count_in_all(then, now, inherited_)) / double(before.size());
 }
 
 /// A velocity grid may move material within a surface that stands still.

@@ -176,6 +176,8 @@ private:
   };
 
   double seconds_to(const FieldFrame& frame) const { return started_ ? frame.time - time_ : 0.0; }
+  void report_survivors(const std::vector<Index>& before, Index first_new, const std::optional<MeshChanges>& changes,
+                        FrameReport& report) const;
   void wake_up(const FieldFrame& frame);
   void operate(const FieldFrame& frame, FrameReport& report);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
@@ -91,8 +92,9 @@ bool before(const DVec3& a, const DVec3& b) {
 /// Of the points (each an index), in order of place, the first of every group nearer than `distance` to it.
 template <class Place>
 std::vector<Index> one_of_each(std::vector<Index> points, double distance, const Place& place) {
-  std::sort(points.begin(), points.end(),
-            [&](Index a, Index b) { return before(place(a), place(b)) || (!before(place(b), place(a)) && a < b); });
+  tbb::parallel_sort(points.begin(), points.end(), [&](Index a, Index b) {
+    return before(place(a), place(b)) || (!before(place(b), place(a)) && a < b);
+  });
   std::vector<Index> kept;
   Places known(distance);
   for (const Index point : points) {
@@ -257,8 +259,13 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
   if (about.empty()) return {};
   std::vector<std::uint8_t> least(mesh.vertex_count());
   for_each_index(least.size(), [&](std::size_t v) { least[v] = about.contains(DVec3(mesh.position(Index(v)))); });
-  const std::vector<Index> leaving =
-      indices_where(mesh.vertex.size(), [&](Index h) { return least[mesh.from(h)] != 0; });
+  constexpr std::size_t kBlock = 4096;
+  const std::vector<Index> leaving = collect(mesh.triangle_count(), kBlock, [&](Index t, std::vector<Index>& list) {
+    const Index* const v = &mesh.vertex[3 * std::size_t{t}];
+    if (!(least[v[0]] | least[v[1]] | least[v[2]])) return;
+    for (Index k = 0; k < 3; ++k)
+      if (least[v[k]]) list.push_back(3 * t + k);
+  });
   std::vector<Index> asked(mesh.vertex_count(), kNone);  // its number among the points
   std::vector<Vec3> points;
   for (const Index h : leaving)

@@ -54,13 +54,14 @@ CriticalEvent operate(TriangleMesh& mesh, const CriticalPath& path, const Field&
   return event;
 }
 
-/// Middles of the pairs of elements whose radii overlap, by a sweep along x.
-void add_middles(const std::vector<SkeletonElement>& elements, std::vector<DVec3>& seeds) {
+/// Middles of the pairs of elements whose radii overlap, by a sweep along x; those out of `about` may be left out.
+void add_middles(const std::vector<SkeletonElement>& elements, const ChangeMask& about, std::vector<DVec3>& seeds) {
   std::vector<std::pair<DVec3, double>> ball;
   double widest = 0.0;
+  for (const SkeletonElement& e : elements) widest = std::max(widest, e.radius);
   for (const SkeletonElement& e : elements) {
-    ball.emplace_back(center(e), e.radius);
-    widest = std::max(widest, e.radius);
+    const Box middles = Box{center(e), center(e)}.grown(0.5 * (e.radius + widest));
+    if (about.overlaps(middles)) ball.emplace_back(center(e), e.radius);
   }
   std::stable_sort(ball.begin(), ball.end(), [](const auto& a, const auto& b) { return a.first.x < b.first.x; });
   for (std::size_t i = 0; i < ball.size(); ++i)
@@ -114,7 +115,7 @@ std::vector<DVec3> critical_seeds(const TriangleMesh& mesh, const Field& field, 
   std::vector<DVec3> seeds = least_gradient_vertices(mesh, backend, about);
   if (const auto* skeleton = dynamic_cast<const SkeletonField*>(&field)) {
     for (const SkeletonElement& e : skeleton->elements()) seeds.push_back(center(e));
-    add_middles(skeleton->elements(), seeds);
+    add_middles(skeleton->elements(), about, seeds);
     std::erase_if(seeds, [&](const DVec3& seed) { return !about.contains(seed); });
   }
   return seeds;
