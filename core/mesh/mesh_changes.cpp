@@ -218,22 +218,22 @@ void add_triangles(const std::vector<Index>& triangles, const std::vector<Index>
   struct Run {
     Index piece;
     int count;
-    __int128 solid;
+    SolidSum solid;
   };
   std::vector<std::vector<Run>> runs((triangles.size() + kBlock - 1) / kBlock);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
     for (std::size_t i = b * kBlock; i < std::min(triangles.size(), (b + 1) * kBlock); ++i) {
       const Index* const v = &vertex[3 * std::size_t{triangles[i]}];
       const Index piece = of_vertex[v[0]];
-      if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0});
+      if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, {}});
       ++runs[b].back().count;
-      runs[b].back().solid += solid_under(position[v[0]], position[v[1]], position[v[2]]);
+      runs[b].back().solid.add(position[v[0]], position[v[1]], position[v[2]], times);
     }
   });
   for (const auto& block : runs)
     for (const Run& run : block) {
       pieces.triangles[run.piece] += times * run.count;
-      pieces.solid[run.piece] += times * run.solid;
+      pieces.solid[run.piece].add(run.solid);
     }
 }
 
@@ -272,7 +272,7 @@ std::optional<MeshPieces> pieces_after(const TriangleMesh& mesh, const MeshCopy&
   add_triangles(changes.fresh, mesh.vertex, mesh.vertices.position, pieces.of_vertex, 1, pieces);
   for (std::size_t p = 0; p < vertices.size(); ++p) {
     pieces.euler.push_back(vertices[p] - pieces.triangles[p] / 2);
-    pieces.volume.push_back(volume_of(pieces.solid[p]));
+    pieces.volume.push_back(pieces.solid[p].volume());
   }
   return pieces;
 }

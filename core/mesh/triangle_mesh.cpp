@@ -140,6 +140,67 @@ double ordered_sum(std::size_t n, const Function& f) {
   return std::accumulate(block.begin(), block.end(), 0.0);
 }
 
+/// Pieces where it is known what hangs together: one label below `labels` a piece at its vertices, kNone at unused
+/// ones.
+MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels) {
+  constexpr std::size_t kBlock = 4096;
+  const std::size_t n = mesh.vertex_count(), triangles = mesh.triangle_count();
+  std::vector<Index> first(labels, kNone);  // per label: its first vertex
+  for_each_index(n, [&](std::size_t v) {
+    if (label[v] != kNone) atomic_min(first[label[v]], Index(v));
+  });
+  std::vector<Index> origin;
+  for (const Index v : first)
+    if (v != kNone) origin.push_back(v);
+  tbb::parallel_sort(origin.begin(), origin.end());
+  for_each_index(origin.size(), [&](std::size_t p) { first[label[origin[p]]] = Index(p); });
+  MeshPieces pieces;
+  pieces.of_vertex.resize(n);
+  for_each_index(n, [&](std::size_t v) { pieces.of_vertex[v] = label[v] == kNone ? kNone : first[label[v]]; });
+
+  // What blocks of vertices and triangles add to pieces, in runs: most that follow each other are of one.
+  struct Run {
+    Index piece;
+    int count;
+    SolidSum solid;
+  };
+  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& add_solid) {
+    std::vector<std::vector<Run>> runs((count + kBlock - 1) / kBlock);
+    tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
+      for (std::size_t i = b * kBlock; i < std::min(count, (b + 1) * kBlock); ++i) {
+        const Index piece = pieces.of_vertex[vertex_of(i)];
+        if (piece == kNone) continue;
+        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, {}});
+        ++runs[b].back().count;
+        add_solid(i, runs[b].back().solid);
+      }
+    });
+    return runs;
+  };
+  pieces.euler.assign(origin.size(), 0);
+  pieces.triangles.assign(origin.size(), 0);
+  pieces.solid.resize(origin.size());
+  for (const auto& block : runs_of(
+           n, [](std::size_t v) { return v; }, [](std::size_t, SolidSum&) {}))
+    for (const Run& run : block) pieces.euler[run.piece] += run.count;
+  const auto add_solid = [&](std::size_t t, SolidSum& solid) {
+    const Index* const v = &mesh.vertex[3 * t];
+    solid.add(mesh.position(v[0]), mesh.position(v[1]), mesh.position(v[2]));
+  };
+  for (const auto& block : runs_of(
+           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, add_solid))
+    for (const Run& run : block) {
+      pieces.triangles[run.piece] += run.count;
+      pieces.solid[run.piece].add(run.solid);
+    }
+  for (std::size_t p = 0; p < pieces.count(); ++p) {
+    pieces.euler[p] -= pieces.triangles[p] / 2;  // V - E + F with 2 E = 3 F
+    pieces.volume.push_back(pieces.solid[p].volume());
+  }
+  pieces.first = std::move(origin);
+  return pieces;
+}
+
 }  // namespace
 
 void VertexTable::resize(std::size_t n) {
@@ -249,73 +310,24 @@ MeshPieces mesh_pieces(const TriangleMesh& mesh) {
   return labelled_pieces(mesh, label, n);
 }
 
-MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels) {
-  constexpr std::size_t kBlock = 4096;
-  const std::size_t n = mesh.vertex_count(), triangles = mesh.triangle_count();
-  std::vector<Index> first(labels, kNone);  // per label: its first vertex
-  for_each_index(n, [&](std::size_t v) {
-    if (label[v] != kNone) atomic_min(first[label[v]], Index(v));
-  });
-  std::vector<Index> origin;
-  for (const Index v : first)
-    if (v != kNone) origin.push_back(v);
-  tbb::parallel_sort(origin.begin(), origin.end());
-  for_each_index(origin.size(), [&](std::size_t p) { first[label[origin[p]]] = Index(p); });
-  MeshPieces pieces;
-  pieces.of_vertex.resize(n);
-  for_each_index(n, [&](std::size_t v) { pieces.of_vertex[v] = label[v] == kNone ? kNone : first[label[v]]; });
-
-  // What blocks of vertices and triangles add to pieces, in runs: most that follow each other are of one.
-  struct Run {
-    Index piece;
-    int count;
-    __int128 solid;
-  };
-  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& solid_of) {
-    std::vector<std::vector<Run>> runs((count + kBlock - 1) / kBlock);
-    tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
-      for (std::size_t i = b * kBlock; i < std::min(count, (b + 1) * kBlock); ++i) {
-        const Index piece = pieces.of_vertex[vertex_of(i)];
-        if (piece == kNone) continue;
-        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, 0});
-        ++runs[b].back().count;
-        runs[b].back().solid += solid_of(i);
-      }
-    });
-    return runs;
-  };
-  pieces.euler.assign(origin.size(), 0);
-  pieces.triangles.assign(origin.size(), 0);
-  pieces.solid.assign(origin.size(), 0);
-  for (const auto& block : runs_of(
-           n, [](std::size_t v) { return v; }, [](std::size_t) { return 0; }))
-    for (const Run& run : block) pieces.euler[run.piece] += run.count;
-  const auto solid_of = [&](std::size_t t) {
-    const Index* const v = &mesh.vertex[3 * t];
-    return solid_under(mesh.position(v[0]), mesh.position(v[1]), mesh.position(v[2]));
-  };
-  for (const auto& block : runs_of(
-           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, solid_of))
-    for (const Run& run : block) {
-      pieces.triangles[run.piece] += run.count;
-      pieces.solid[run.piece] += run.solid;
-    }
-  for (std::size_t p = 0; p < pieces.count(); ++p) {
-    pieces.euler[p] -= pieces.triangles[p] / 2;  // V - E + F with 2 E = 3 F
-    pieces.volume.push_back(volume_of(pieces.solid[p]));
-  }
-  pieces.first = std::move(origin);
-  return pieces;
-}
-
-__int128 solid_under(const Vec3& a, const Vec3& b, const Vec3& c) {
-  constexpr double kLargest = 0x1p40;  // world units^3: so many million of them fit
+void SolidSum::add(const Vec3& a, const Vec3& b, const Vec3& c, int times) {
   const double six = glm::dot(DVec3(a), glm::cross(DVec3(b) - DVec3(a), DVec3(c) - DVec3(a)));
-  return std::abs(six) < kLargest ? static_cast<__int128>(six * 0x1p80) : 0;
+  if (six == 0.0 || !std::isfinite(six)) return;
+  int exponent = 0;
+  const double mantissa = std::frexp(six, &exponent);
+  const int bin = std::clamp((exponent - kLeast) / kBits, 0, kBins - 1);
+  // Nothing comes near the last bin's end: that would be 10^60.
+  bin_[bin] += times * static_cast<__int128>(std::ldexp(mantissa, std::min(exponent - unit(bin), 2 * kMantissa)));
 }
 
-double volume_of(__int128 solid) {
-  return static_cast<double>(solid) * 0x1p-80 / 6.0;
+void SolidSum::add(const SolidSum& other) {
+  for (int bin = 0; bin < kBins; ++bin) bin_[bin] += other.bin_[bin];
+}
+
+double SolidSum::volume() const {
+  double six = 0.0;
+  for (int bin = 0; bin < kBins; ++bin) six += std::ldexp(static_cast<double>(bin_[bin]), unit(bin));
+  return six / 6.0;
 }
 
 TriangleMesh submesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& keep) {

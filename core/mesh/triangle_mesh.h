@@ -1,6 +1,7 @@
 // The closed, oriented triangle mesh: index-based halfedges in structure-of-arrays form (design 4).
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "core/types.h"
@@ -65,6 +66,24 @@ struct VertexCorners {
 };
 VertexCorners vertex_corners(const TriangleMesh& mesh);
 
+/// Volume between triangles and the world's origin. Summed in whole numbers, of units that follow the size of what is
+/// added, so that the sum depends neither on the order nor on what has been added and taken back since.
+class SolidSum {
+public:
+  /// `times`: 1 or -1.
+  void add(const Vec3& a, const Vec3& b, const Vec3& c, int times = 1);
+  void add(const SolidSum& other);
+  /// World units^3.
+  double volume() const;
+
+private:
+  static constexpr int kBins = 10, kBits = 40;       // binary orders of magnitude a bin
+  static constexpr int kLeast = -kBins / 2 * kBits;  // of the first bin
+  static constexpr int kMantissa = 53;               // bits
+  static int unit(int bin) { return kLeast + kBits * bin - kMantissa; }
+  std::array<__int128, kBins> bin_{};
+};
+
 /// Connected pieces: label of every vertex (pieces numbered by their smallest vertex, unused vertices kNone) and their
 /// Euler characteristics and enclosed volumes (negative for a cavity).
 struct MeshPieces {
@@ -74,19 +93,11 @@ struct MeshPieces {
   // What they are told from, so that they may go on from those of the mesh before, with the same result.
   std::vector<Index> first;     // per piece: its smallest vertex
   std::vector<int> triangles;   // per piece
-  std::vector<__int128> solid;  // per piece: sum of solid_under()
+  std::vector<SolidSum> solid;  // per piece
 
   std::size_t count() const { return euler.size(); }
 };
-/// Six times the volume between a triangle and the world's origin, in 2^-80 world units^3: whole numbers have one sum
-/// whatever their order.
-__int128 solid_under(const Vec3& a, const Vec3& b, const Vec3& c);
-/// As a volume, world units^3.
-double volume_of(__int128 solid);
 MeshPieces mesh_pieces(const TriangleMesh& mesh);
-/// The same where it is known what hangs together: one label below `labels` a piece at its vertices, kNone at unused
-/// ones.
-MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels);
 
 /// Keeps the triangles t with keep[t] != 0, drops unused vertices, renumbers both in order and relinks. Every kept set
 /// must be a union of whole pieces (else throws std::invalid_argument through link_twins).
