@@ -66,7 +66,7 @@ std::size_t misplaced(const TriangleMesh& mesh, const Field& field) {
 }
 
 constexpr std::array<double, 5> kSpeeds = {0.1, 0.2, 0.35, 0.6, 0.8};
-constexpr int kTurns = test::repeats(20, 2), kFrames = 4;
+constexpr int kTurns = test::repeats(20, 1), kFrames = 4;
 
 /// What one run of four frames came to; the event is between the second and the third.
 struct Outcome {

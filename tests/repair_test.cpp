@@ -9,6 +9,7 @@
 
 #include "core/io/sequence.h"
 #include "core/mesh/validate.h"
+#include "sanitized.h"
 #include "solid_field.h"
 #include "test_meshes.h"
 
@@ -94,7 +95,7 @@ TEST(Reextract, FirstFrameGivesNearEquilateralSkins) {
 }
 
 TEST(Reextract, ManyBlobsOfAllSizes) {
-  for (unsigned seed = 0; seed < 6; ++seed) {
+  for (unsigned seed = 0; seed < unsigned(test::repeats(6, 3)); ++seed) {
     SCOPED_TRACE(seed);
     Shop shop(blobs(seed));
     TriangleMesh mesh;

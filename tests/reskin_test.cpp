@@ -140,7 +140,7 @@ BadSites suspects_of(const GoodSkin& skin, const TriangleMesh& mesh) {
 TEST(Reskin, MendsRandomDamageWithoutReextraction) {
   damage::Random random(20261122);
   std::vector<Tally> tally(int(Damage::count));
-  const int fields = 3, total = fuzz_count(test::repeats(120, 30));
+  const int fields = 3, total = fuzz_count(test::repeats(120, 18));
   for (int f = 0; f < fields; ++f) try_damages(random_metaballs(random), 0.08, total / fields, random, tally);
   int tried = 0, local = 0;
   for (int k = 0; k < int(Damage::count); ++k) {

@@ -19,7 +19,7 @@ using test::fs::path;
 namespace fs = std::filesystem;
 
 constexpr int kFrames = 10;
-constexpr int kKills = test::repeats(20, 6);
+constexpr int kKills = test::repeats(20, 4);
 
 std::vector<Json> lines(const path& file, bool drop_cut_line) {
   std::istringstream text(test::read_text(file));

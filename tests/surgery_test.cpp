@@ -13,6 +13,7 @@
 #include "core/sampling/marching_cubes.h"
 #include "core/topology/mesh_probe.h"
 #include "tests/random_rotation.h"
+#include "tests/sanitized.h"
 #include "tests/test_meshes.h"
 
 namespace isoskin {
@@ -241,7 +242,7 @@ TEST(Surgery, refusals_leave_the_mesh_as_it_was) {
 TEST(Surgery, right_or_not_at_all) {
   std::array<int, 8> done{};
   int collars = 0;  // cuts whose borders had to be given vertices of their own
-  for (unsigned seed = 0; seed < 1500; ++seed) {
+  for (unsigned seed = 0; seed < unsigned(test::repeats(1500, 900)); ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
