@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/mesh/validate.h"
+#include "core/refine/untangle.h"
 #include "core/topology/triangle_pairs.h"
 #include "tests/analytic_fields.h"
 #include "tests/test_meshes.h"
@@ -150,4 +151,33 @@ TEST(GeometricMesh, ADropletHasItsVolumeThoughItsMeshIsPressedFlat) {
   ASSERT_EQ(pieces.count(), 1u);
   EXPECT_EQ(pieces.euler[0], 2);
   EXPECT_NEAR(pieces.volume[0], volume, 0.05 * volume);
+}
+
+TEST(GeometricMesh, PiecesAtAPointAreLookedAtAndNoneIsSmoothedToOne) {
+  const std::unique_ptr<Backend> backend = make_reference_backend();
+  backend->set_field(std::make_shared<analytic::SphereField>(DVec3(0.0), 1.0));
+  TriangleMesh skin = test_meshes::icosphere(3);
+  const Index first = Index(skin.vertex_count()), first_triangle = Index(skin.triangle_count());
+  TriangleMesh lone = test_meshes::icosphere(0, 0.05f, Vec3(0.0f, 0.0f, 1.0f));
+  for (Index& id : lone.vertices.id) id += skin.next_id;
+  lone.next_id += skin.next_id;
+  append(skin, lone);
+  RefinedSkinOptions how;
+  how.project.reach = 0.1f;
+  RefinedSkin refined;
+  refined.update(skin, nullptr, *backend, how);
+  EXPECT_GT(refined.crossings(skin).size(), 0u);
+
+  TriangleMesh smoothed = skin;
+  Tangles(skin).smooth(smoothed, {{first_triangle, 0, first_triangle + 1, 0}}, *backend, how.project);
+  EXPECT_EQ(smoothed.vertices.position, skin.vertices.position);
+  Tangles(skin).smooth(smoothed, {{0, 0, 1, 0}}, *backend, how.project);
+  EXPECT_NE(smoothed.vertices.position, skin.vertices.position);
+
+  for (Index v = first; v < skin.vertex_count(); ++v) skin.vertices.position[v] = Vec3(0.0f, 0.0f, 1.0f);
+  const FieldChanges none;
+  refined.update(skin, &none, *backend, how);
+  RefinedSkin whole;
+  whole.update(skin, nullptr, *backend, how);
+  EXPECT_EQ(refined.crossings(skin), whole.crossings(skin));
 }

@@ -37,11 +37,14 @@ class MarkedCells {
 public:
   MarkedCells(const std::vector<FlatBox>& boxes, const std::vector<Index>& marking) {
     constexpr std::size_t kCellsABox = 64;  // so that few others share a hash
+    constexpr float kFinest = 1e-6f;        // of the coordinates: finer cells cannot be counted
     float widest = std::numeric_limits<float>::min();
     for (const Index t : marking) {
       all_ = {glm::min(all_.low, boxes[t].low), glm::max(all_.high, boxes[t].high)};
       const Vec3 size = boxes[t].high - boxes[t].low;
       widest = std::max({widest, size.x, size.y, size.z});
+      for (int k = 0; k < 3; ++k)
+        widest = std::max({widest, kFinest * std::abs(boxes[t].low[k]), kFinest * std::abs(boxes[t].high[k])});
     }
     width_ = widest;
     marked_.assign(std::bit_ceil(kCellsABox * (marking.size() + 1)), 0);

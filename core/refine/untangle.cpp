@@ -24,8 +24,7 @@ bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings,
   before_.resize(vertex_.size());
   for_each_index(before_.size(), [&](std::size_t i) { before_[i] = skin.position(vertex_[i]); });
   const std::vector<int> last = sweeps(skin);
-  std::vector<Index> going(vertex_.size());
-  std::iota(going.begin(), going.end(), Index{0});
+  std::vector<Index> going = held();
   for (int sweep = 0; !going.empty(); ++sweep) {
     std::vector<Vec3> middle(going.size());
     for_each_index(going.size(), [&](std::size_t k) {
@@ -39,6 +38,19 @@ bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings,
     std::erase_if(going, [&](Index i) { return last[i] <= sweep + 1; });
   }
   return true;
+}
+
+/// Rows of what hangs together with a vertex that stays: a piece that moves as a whole would shrink to a point.
+std::vector<Index> Tangles::held() const {
+  DisjointSets sets(vertex_.size());
+  for (Index i = 0; i < ring_.size(); ++i)
+    for (const Index v : ring_[i])
+      if (row_[v] != kNone) sets.unite(i, row_[v]);
+  std::vector<std::uint8_t> held(vertex_.size(), 0);  // under the number of each set
+  for (Index i = 0; i < ring_.size(); ++i)
+    for (const Index v : ring_[i])
+      if (row_[v] == kNone) held[sets.root(i)] = 1;
+  return indices_where(vertex_.size(), [&](Index i) { return held[sets.root(i)] != 0; });
 }
 
 /// Per row: as many as what has been tried most often in its part wants.

@@ -28,8 +28,8 @@ public:
 
   /// Moves the vertices about crossings that have not been tried too often; what hangs together or overlaps is one
   /// part. What lies beside them stays and holds them: a map of a disc with a convex border in which each vertex is the
-  /// mean of its neighbours has no folds (Tutte 1963). False when there were none. The backend must hold the field.
-  /// Parallel and deterministic.
+  /// mean of its neighbours has no folds (Tutte 1963). Pieces with nothing beside them stay. False when there were
+  /// none. The backend must hold the field. Parallel and deterministic.
   bool smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings, Backend& backend,
               const ProjectOptions& project);
 
@@ -51,6 +51,7 @@ private:
   };
 
   void gather(const TriangleMesh& skin);
+  std::vector<Index> held() const;
   std::vector<int> sweeps(const TriangleMesh& skin) const;
   std::vector<Index> parts(const TriangleMesh& skin) const;
   int times_tried(const Crossing& crossing) const { return std::max(tried_[crossing.a], tried_[crossing.b]); }
