@@ -24,9 +24,9 @@ struct PlaceFillingReport {
 
 /// Where the skin has passed the certificate it does so after: what comes has the topology of what goes, hole by hole
 /// or, where a gap of a sheet lies elsewhere in the lattice, all odd holes of a piece together; and no lattice corner
-/// that is far from the surface changes sides; a piece that goes as a whole, because it is small or would be emptied but
-/// for scraps, becomes the piece of the lattice that it was matched with. Costs what the places and the skin about them
-/// do, and a few looks over the skin. The backend must hold the field. Deterministic.
+/// that is far from the surface changes sides; a piece that goes as a whole, because it is small or would be emptied
+/// but for scraps, becomes the piece of the lattice that it was matched with. Costs what the places and the skin about
+/// them do, and a few looks over the skin. The backend must hold the field. Deterministic.
 PlaceFillingReport fill_places(TriangleMesh& skin, const std::vector<Vec3>& places, const Field& field,
                                const BrickLattice& lattice, const LatticeTopology& topology, const FarCorners& far,
                                Backend& backend, const PlaceFillingOptions& options);
