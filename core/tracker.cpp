@@ -6,7 +6,6 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <tbb/parallel_invoke.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/frame_step.h"
@@ -47,16 +46,14 @@ double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
   return area;
 }
 
-/// In parallel, to where there is memory already.
 void copy_mesh(const TriangleMesh& from, TriangleMesh& to) {
-  tbb::parallel_invoke([&] { to.vertex = from.vertex; }, [&] { to.twin = from.twin; },
-                       [&] { to.vertices.position = from.vertices.position; },
-                       [&] { to.vertices.rest = from.vertices.rest; },
-                       [&] { to.vertices.velocity = from.vertices.velocity; },
-                       [&] {
-                         to.vertices.id = from.vertices.id;
-                         to.vertices.age = from.vertices.age;
-                       });
+  copy_column(from.vertex, to.vertex);
+  copy_column(from.twin, to.twin);
+  copy_column(from.vertices.position, to.vertices.position);
+  copy_column(from.vertices.rest, to.vertices.rest);
+  copy_column(from.vertices.velocity, to.vertices.velocity);
+  copy_column(from.vertices.id, to.vertices.id);
+  copy_column(from.vertices.age, to.vertices.age);
   to.next_id = from.next_id;
 }
 

@@ -22,18 +22,20 @@ FAR, WINDOW = 5, 7  # coarse voxels searched to each side; voxels of a window
 BAND = 2.0  # voxels beyond which distances say nothing
 
 
+def first_grid(path):
+    return vdb.read(path, [g.name for g in vdb.readAllGridMetadata(path) if g.valueTypeName in ("float", "half")][0])
+
+
 def load(path, lo, hi):
-    """The level set in voxels, negative inside, clamped to the band; lo and hi in index space."""
-    names = [g.name for g in vdb.readAllGridMetadata(path) if g.valueTypeName in ("float", "half")]
-    grid = vdb.read(path, names[0])
+    """The level set in voxels, negative inside; lo and hi in index space."""
+    grid = first_grid(path)
     values = np.full(np.array(hi) - lo, grid.background, np.float32)
     grid.copyToArray(values, ijk=tuple(int(i) for i in lo))
     return values / grid.transform.voxelSize()[0]
 
 
 def box(path):
-    grid = vdb.read(path, [g.name for g in vdb.readAllGridMetadata(path) if g.valueTypeName in ("float", "half")][0])
-    return grid.evalActiveVoxelBoundingBox()
+    return first_grid(path).evalActiveVoxelBoundingBox()
 
 
 def match(a, b, sites, guess, steps, window):

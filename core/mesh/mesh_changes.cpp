@@ -12,6 +12,7 @@
 
 #include "core/disjoint_sets.h"
 #include "core/mesh/id_set.h"
+#include "core/mesh/piece_sums.h"
 #include "core/mesh/ranks.h"
 #include "core/parallel.h"
 
@@ -210,33 +211,6 @@ std::optional<std::vector<Index>> pieces_of_added(const TriangleMesh& mesh, cons
   return label;
 }
 
-/// What the triangles add up to by pieces, `times` (1 or -1) over.
-void add_triangles(const std::vector<Index>& triangles, const std::vector<Index>& vertex,
-                   const std::vector<Vec3>& position, const std::vector<Index>& of_vertex, int times,
-                   MeshPieces& pieces) {
-  constexpr std::size_t kBlock = 512;
-  struct Run {
-    Index piece;
-    int count;
-    SolidSum solid;
-  };
-  std::vector<std::vector<Run>> runs((triangles.size() + kBlock - 1) / kBlock);
-  tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
-    for (std::size_t i = b * kBlock; i < std::min(triangles.size(), (b + 1) * kBlock); ++i) {
-      const Index* const v = &vertex[3 * std::size_t{triangles[i]}];
-      const Index piece = of_vertex[v[0]];
-      if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, {}});
-      ++runs[b].back().count;
-      runs[b].back().solid.add(position[v[0]], position[v[1]], position[v[2]], times);
-    }
-  });
-  for (const auto& block : runs)
-    for (const Run& run : block) {
-      pieces.triangles[run.piece] += times * run.count;
-      pieces.solid[run.piece].add(run.solid);
-    }
-}
-
 /// Nothing where pieces have gone or have another order, or new vertices are not the last.
 std::optional<MeshPieces> pieces_after(const TriangleMesh& mesh, const MeshCopy& before,
                                        const MeshPieces& pieces_before, const MeshChanges& changes,
@@ -268,8 +242,12 @@ std::optional<MeshPieces> pieces_after(const TriangleMesh& mesh, const MeshCopy&
 
   pieces.triangles = pieces_before.triangles;
   pieces.solid = pieces_before.solid;
-  add_triangles(changes.gone, before.vertex, before.position, pieces_before.of_vertex, -1, pieces);
-  add_triangles(changes.fresh, mesh.vertex, mesh.vertices.position, pieces.of_vertex, 1, pieces);
+  add_triangles(
+      changes.gone.size(), [&](std::size_t i) { return changes.gone[i]; }, before.vertex, before.position,
+      pieces_before.of_vertex, -1, pieces);
+  add_triangles(
+      changes.fresh.size(), [&](std::size_t i) { return changes.fresh[i]; }, mesh.vertex, mesh.vertices.position,
+      pieces.of_vertex, 1, pieces);
   for (std::size_t p = 0; p < vertices.size(); ++p) {
     pieces.euler.push_back(vertices[p] - pieces.triangles[p] / 2);
     pieces.volume.push_back(pieces.solid[p].volume());

@@ -12,6 +12,8 @@
 #include <fmt/format.h>
 
 #include "core/disjoint_sets.h"
+#include "core/mesh/independent_edits.h"
+#include "core/mesh/piece_sums.h"
 #include "core/parallel.h"
 
 namespace isoskin {
@@ -140,67 +142,6 @@ double ordered_sum(std::size_t n, const Function& f) {
   return std::accumulate(block.begin(), block.end(), 0.0);
 }
 
-/// Pieces where it is known what hangs together: one label below `labels` a piece at its vertices, kNone at unused
-/// ones.
-MeshPieces labelled_pieces(const TriangleMesh& mesh, const std::vector<Index>& label, std::size_t labels) {
-  constexpr std::size_t kBlock = 4096;
-  const std::size_t n = mesh.vertex_count(), triangles = mesh.triangle_count();
-  std::vector<Index> first(labels, kNone);  // per label: its first vertex
-  for_each_index(n, [&](std::size_t v) {
-    if (label[v] != kNone) atomic_min(first[label[v]], Index(v));
-  });
-  std::vector<Index> origin;
-  for (const Index v : first)
-    if (v != kNone) origin.push_back(v);
-  tbb::parallel_sort(origin.begin(), origin.end());
-  for_each_index(origin.size(), [&](std::size_t p) { first[label[origin[p]]] = Index(p); });
-  MeshPieces pieces;
-  pieces.of_vertex.resize(n);
-  for_each_index(n, [&](std::size_t v) { pieces.of_vertex[v] = label[v] == kNone ? kNone : first[label[v]]; });
-
-  // What blocks of vertices and triangles add to pieces, in runs: most that follow each other are of one.
-  struct Run {
-    Index piece;
-    int count;
-    SolidSum solid;
-  };
-  const auto runs_of = [&](std::size_t count, const auto& vertex_of, const auto& add_solid) {
-    std::vector<std::vector<Run>> runs((count + kBlock - 1) / kBlock);
-    tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t b) {
-      for (std::size_t i = b * kBlock; i < std::min(count, (b + 1) * kBlock); ++i) {
-        const Index piece = pieces.of_vertex[vertex_of(i)];
-        if (piece == kNone) continue;
-        if (runs[b].empty() || runs[b].back().piece != piece) runs[b].push_back({piece, 0, {}});
-        ++runs[b].back().count;
-        add_solid(i, runs[b].back().solid);
-      }
-    });
-    return runs;
-  };
-  pieces.euler.assign(origin.size(), 0);
-  pieces.triangles.assign(origin.size(), 0);
-  pieces.solid.resize(origin.size());
-  for (const auto& block : runs_of(
-           n, [](std::size_t v) { return v; }, [](std::size_t, SolidSum&) {}))
-    for (const Run& run : block) pieces.euler[run.piece] += run.count;
-  const auto add_solid = [&](std::size_t t, SolidSum& solid) {
-    const Index* const v = &mesh.vertex[3 * t];
-    solid.add(mesh.position(v[0]), mesh.position(v[1]), mesh.position(v[2]));
-  };
-  for (const auto& block : runs_of(
-           triangles, [&](std::size_t t) { return mesh.vertex[3 * t]; }, add_solid))
-    for (const Run& run : block) {
-      pieces.triangles[run.piece] += run.count;
-      pieces.solid[run.piece].add(run.solid);
-    }
-  for (std::size_t p = 0; p < pieces.count(); ++p) {
-    pieces.euler[p] -= pieces.triangles[p] / 2;  // V - E + F with 2 E = 3 F
-    pieces.volume.push_back(pieces.solid[p].volume());
-  }
-  pieces.first = std::move(origin);
-  return pieces;
-}
-
 }  // namespace
 
 void VertexTable::resize(std::size_t n) {
@@ -303,11 +244,28 @@ MeshPieces mesh_pieces(const TriangleMesh& mesh) {
     }
   });
 
-  std::vector<Index> label(n, kNone);
-  for_each_index(n, [&](Index v) {
-    if (used[v]) label[v] = sets.root(v);
+  MeshPieces pieces;
+  pieces.first = indices_where(n, [&](Index v) { return used[v] && sets.root(v) == v; });
+  std::vector<Index> number(n, kNone);  // of the piece that begins at a vertex
+  for_each_index(pieces.first.size(), [&](std::size_t p) { number[pieces.first[p]] = Index(p); });
+  pieces.of_vertex.assign(n, kNone);
+  for_each_index(n, [&](std::size_t v) {
+    if (used[v]) pieces.of_vertex[v] = number[sets.root(Index(v))];
   });
-  return labelled_pieces(mesh, label, n);
+  pieces.euler.assign(pieces.first.size(), 0);
+  pieces.triangles.assign(pieces.first.size(), 0);
+  pieces.solid.resize(pieces.first.size());
+  sum_by_piece<int>(
+      n, [&](std::size_t v) { return pieces.of_vertex[v]; }, [](std::size_t, int& count) { ++count; },
+      [&](Index piece, int count) { pieces.euler[piece] += count; });
+  add_triangles(
+      triangles, [](std::size_t t) { return Index(t); }, mesh.vertex, mesh.vertices.position, pieces.of_vertex, 1,
+      pieces);
+  for (std::size_t p = 0; p < pieces.count(); ++p) {
+    pieces.euler[p] -= pieces.triangles[p] / 2;  // V - E + F with 2 E = 3 F
+    pieces.volume.push_back(pieces.solid[p].volume());
+  }
+  return pieces;
 }
 
 void SolidSum::add(const Vec3& a, const Vec3& b, const Vec3& c, int times) {

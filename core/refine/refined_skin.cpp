@@ -11,7 +11,6 @@
 #include <utility>
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
@@ -37,17 +36,6 @@ void make_room(std::vector<T>& column, std::size_t size) {
   constexpr std::size_t kSpare = 16;
   if (column.capacity() < size) column.reserve(size + size / kSpare);
   if (column.size() < size) column.resize(size);
-}
-
-/// As fast as memory is.
-template <class T>
-void copy_column(const std::vector<T>& from, std::vector<T>& to) {
-  constexpr std::size_t kRun = 16384;
-  to.resize(from.size());
-  tbb::parallel_for(std::size_t{0}, (from.size() + kRun - 1) / kRun, [&](std::size_t b) {
-    const std::size_t first = b * kRun, count = std::min(kRun, from.size() - first);
-    std::copy_n(from.begin() + std::ptrdiff_t(first), count, to.begin() + std::ptrdiff_t(first));
-  });
 }
 
 }  // namespace
@@ -106,18 +94,11 @@ private:
       const Index old = old_vertex(Index(v));
       moved[v] = old == kNone || !same_bits(skin_.position(Index(v)), old_position(old));
     });
-    const double reach = double(options_.project.reach);
-    const ChangeMask mask(changes, reach);
-    Box all;  // asked first: most triangles are far from all changes
-    for (const Box& box : changes.box) all.add(box.grown(reach));
+    const ChangeMask mask(changes, double(options_.project.reach));
     return indices_where(skin_.triangle_count(), [&](Index t) {
       const Index *v = &skin_.vertex[3 * t], old = old_triangle(t);
-      if (old == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]]) return true;
-      if (mask.empty()) return false;
-      const Box bounds = last_.bounds(old).box();
-      const bool far = bounds.low.x > all.high.x || bounds.high.x < all.low.x || bounds.low.y > all.high.y ||
-                       bounds.high.y < all.low.y || bounds.low.z > all.high.z || bounds.high.z < all.low.z;
-      return !far && mask.overlaps(bounds);
+      return old == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]] ||
+             (!mask.empty() && mask.overlaps(last_.bounds(old).box()));
     });
   }
 

@@ -20,11 +20,13 @@ bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings,
   crossing_ = crossings;
   if (std::none_of(crossing_.begin(), crossing_.end(), [&](const Crossing& c) { return is_tried(c); })) return false;
   gather(skin);
-  part_ = parts(skin);
+  DisjointSets sheets = joined_by_edges();
+  const std::vector<Index> moving = held(sheets);
+  part_ = parts(skin, std::move(sheets));
   before_.resize(vertex_.size());
   for_each_index(before_.size(), [&](std::size_t i) { before_[i] = skin.position(vertex_[i]); });
   const std::vector<int> last = sweeps(skin);
-  std::vector<Index> going = held();
+  std::vector<Index> going = moving;
   for (int sweep = 0; !going.empty(); ++sweep) {
     std::vector<Vec3> middle(going.size());
     for_each_index(going.size(), [&](std::size_t k) {
@@ -41,11 +43,7 @@ bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings,
 }
 
 /// Rows of what hangs together with a vertex that stays: a piece that moves as a whole would shrink to a point.
-std::vector<Index> Tangles::held() const {
-  DisjointSets sets(vertex_.size());
-  for (Index i = 0; i < ring_.size(); ++i)
-    for (const Index v : ring_[i])
-      if (row_[v] != kNone) sets.unite(i, row_[v]);
+std::vector<Index> Tangles::held(DisjointSets& sets) const {
   std::vector<std::uint8_t> held(vertex_.size(), 0);  // under the number of each set
   for (Index i = 0; i < ring_.size(); ++i)
     for (const Index v : ring_[i])
@@ -110,12 +108,17 @@ void Tangles::gather(const TriangleMesh& skin) {
   vertex_ = std::move(sorted);
 }
 
-/// Per row.
-std::vector<Index> Tangles::parts(const TriangleMesh& skin) const {
+/// Rows.
+DisjointSets Tangles::joined_by_edges() const {
   DisjointSets sets(vertex_.size());
-  for (Index i = 0; i < vertex_.size(); ++i)
+  for (Index i = 0; i < ring_.size(); ++i)
     for (const Index v : ring_[i])
       if (row_[v] != kNone) sets.unite(i, row_[v]);
+  return sets;
+}
+
+/// Per row; what overlaps joins `sets`.
+std::vector<Index> Tangles::parts(const TriangleMesh& skin, DisjointSets sets) const {
   for (const Crossing& crossing : crossing_)
     if (is_tried(crossing)) sets.unite(row_[skin.vertex[3 * crossing.a]], row_[skin.vertex[3 * crossing.b]]);
   std::vector<Index> part(vertex_.size());

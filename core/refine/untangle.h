@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/backend.h"
+#include "core/disjoint_sets.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/refine/refined_skin.h"
 
@@ -51,9 +52,10 @@ private:
   };
 
   void gather(const TriangleMesh& skin);
-  std::vector<Index> held() const;
+  DisjointSets joined_by_edges() const;
+  std::vector<Index> held(DisjointSets& sets) const;
   std::vector<int> sweeps(const TriangleMesh& skin) const;
-  std::vector<Index> parts(const TriangleMesh& skin) const;
+  std::vector<Index> parts(const TriangleMesh& skin, DisjointSets sets) const;
   int times_tried(const Crossing& crossing) const { return std::max(tried_[crossing.a], tried_[crossing.b]); }
   bool is_tried(const Crossing& crossing) const { return times_tried(crossing) < int(options_.sweeps.size()); }
   Index row(const TriangleMesh& skin, Index triangle) const;

@@ -121,14 +121,21 @@ Section section(const RefinedSkin& skin, const BrickLattice& lattice, const Latt
   return out;
 }
 
+/// Of the rows, whose bricks are in order: those that differ at their lowest corner.
+std::vector<IVec3> unsure_bricks(const std::vector<DifferingRow>& rows, const BrickLattice& lattice) {
+  std::vector<IVec3> bricks;
+  for (const DifferingRow& row : rows)
+    if (row.corners & 1) bricks.push_back(lattice.coordinate[row.brick]);
+  return bricks;
+}
+
 }  // namespace
 
 void WrongCorners::look(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                         const LatticeTopology& topology, double least) {
   const std::vector<DifferingRow> rows = differing_rows(mesh, lattice, topology.signs);
   corner_ = find(rows, field, lattice, least);
-  row_.clear();
-  for (const DifferingRow& row : rows) row_.push_back({lattice.coordinate[row.brick], row.corners, row.row});
+  unsure_ = unsure_bricks(rows, lattice);
   known_ = true;
 }
 
@@ -149,13 +156,10 @@ void WrongCorners::update(const RefinedSkin& skin, const Field& field, const Fie
       if (other[b]) columns.mark(lattice.coordinate[b]);
     }
     // A stretch begins where mesh and field agree, as they did.
-    std::vector<IVec3> unsure;
-    for (const Row& row : row_)
-      if (row.corners & 1) unsure.push_back(row.brick);
     for (Index b = Index(lattice.brick_count()); b-- > 1;) {
       const IVec3 &at = lattice.coordinate[b], &below = lattice.coordinate[b - 1];
       const bool lowest = columns.marked(at) && at.x == below.x && at.y == below.y && !columns.marked(below);
-      if (lowest && (other[b] || std::binary_search(unsure.begin(), unsure.end(), at, sooner)))
+      if (lowest && (other[b] || std::binary_search(unsure_.begin(), unsure_.end(), at, sooner)))
         columns.lower(below, below.z);
     }
   }
@@ -168,18 +172,19 @@ void WrongCorners::update(const RefinedSkin& skin, const Field& field, const Fie
   const Section part = section(skin, lattice, topology, columns);
   std::vector<DifferingRow> rows = differing_rows(part.mesh, part.lattice, part.signs, part.anchored);
   for (DifferingRow& row : rows) row.brick = part.brick[row.brick];
-  const auto looked_at = [&](const auto& c) { return columns.marked(c.brick) || lattice.find(c.brick) == kNone; };
-  std::erase_if(corner_, looked_at);
-  std::erase_if(row_, looked_at);
-  const auto by_brick = [](const auto& p, const auto& q) { return sooner(p.brick, q.brick); };
+  const auto looked_at = [&](const IVec3& brick) { return columns.marked(brick) || lattice.find(brick) == kNone; };
+  std::erase_if(corner_, [&](const Corner& c) { return looked_at(c.brick); });
+  std::erase_if(unsure_, looked_at);
   const std::vector<Corner> fresh = find(rows, field, lattice, least);
   std::vector<Corner> corners;
-  std::merge(corner_.begin(), corner_.end(), fresh.begin(), fresh.end(), std::back_inserter(corners), by_brick);
+  std::merge(corner_.begin(), corner_.end(), fresh.begin(), fresh.end(), std::back_inserter(corners),
+             [](const Corner& p, const Corner& q) { return sooner(p.brick, q.brick); });
   corner_ = std::move(corners);
-  std::vector<Row> fresh_rows, all_rows;
-  for (const DifferingRow& row : rows) fresh_rows.push_back({lattice.coordinate[row.brick], row.corners, row.row});
-  std::merge(row_.begin(), row_.end(), fresh_rows.begin(), fresh_rows.end(), std::back_inserter(all_rows), by_brick);
-  row_ = std::move(all_rows);
+  const std::vector<IVec3> fresh_unsure = unsure_bricks(rows, lattice);
+  std::vector<IVec3> unsure;
+  std::merge(unsure_.begin(), unsure_.end(), fresh_unsure.begin(), fresh_unsure.end(), std::back_inserter(unsure),
+             sooner);
+  unsure_ = std::move(unsure);
 }
 
 std::vector<WrongCorners::Corner> WrongCorners::find(const std::vector<DifferingRow>& rows, const Field& field,

@@ -36,18 +36,11 @@ private:
     double distance = 0.0;
   };
 
-  /// See DifferingRow.
-  struct Row {
-    IVec3 brick{0};
-    std::uint16_t corners = 0;
-    std::uint8_t row = 0;
-  };
-
   static std::vector<Corner> find(const std::vector<DifferingRow>& rows, const Field& field,
                                   const BrickLattice& lattice, double least);
 
   std::vector<Corner> corner_;  // by brick and corner
-  std::vector<Row> row_;        // all where mesh and field differ, by brick and row
+  std::vector<IVec3> unsure_;   // bricks at whose lowest corners mesh and field differ, in order, perhaps repeating
   bool known_ = false;
 };
 

@@ -7,16 +7,12 @@
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/point_grid.h"
+#include "core/topology/triangle_pairs.h"
 
 namespace isoskin {
 namespace {
 
 using Triangle = std::array<Vec3, 3>;
-
-Triangle corners_of(const TriangleMesh& mesh, Index t) {
-  return {mesh.position(mesh.vertex[3 * t]), mesh.position(mesh.vertex[3 * t + 1]),
-          mesh.position(mesh.vertex[3 * t + 2])};
-}
 
 Vec3 centroid(const Triangle& p) {
   return (p[0] + p[1] + p[2]) / 3.0f;
@@ -27,13 +23,6 @@ Vec3 normal(const Triangle& p) {
   const Vec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
   const float length = glm::length(n);
   return length > 0.0f ? n / length : Vec3(0.0f);
-}
-
-bool share_a_vertex(const TriangleMesh& mesh, Index a, Index b) {
-  for (Index g = 3 * a; g < 3 * a + 3; ++g)
-    for (Index h = 3 * b; h < 3 * b + 3; ++h)
-      if (mesh.vertex[g] == mesh.vertex[h]) return true;
-  return false;
 }
 
 /// Which of the triangles lie on the surface and face as it does.

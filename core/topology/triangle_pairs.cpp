@@ -153,14 +153,14 @@ struct CellTable {
   }
 };
 
+}  // namespace
+
 bool share_a_vertex(const TriangleMesh& mesh, Index a, Index b) {
   for (Index i = 3 * a; i < 3 * a + 3; ++i)
     for (Index j = 3 * b; j < 3 * b + 3; ++j)
       if (mesh.vertex[i] == mesh.vertex[j]) return true;
   return false;
 }
-
-}  // namespace
 
 std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, Index t) {
   return {mesh.position(mesh.vertex[3 * t]), mesh.position(mesh.vertex[3 * t + 1]),

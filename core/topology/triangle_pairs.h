@@ -56,4 +56,7 @@ std::size_t count_self_intersections(const TriangleMesh& mesh);
 /// The three corners of triangle t.
 std::array<Vec3, 3> corners_of(const TriangleMesh& mesh, Index t);
 
+/// Whether triangles a and b do.
+bool share_a_vertex(const TriangleMesh& mesh, Index a, Index b);
+
 }  // namespace isoskin
