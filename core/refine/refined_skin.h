@@ -98,7 +98,7 @@ private:
   const Bounds& bounds(Index triangle) const { return bounds_[slot_[triangle]]; }
   Bounds find_bounds(Index triangle) const;
   std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
-  std::vector<std::uint8_t> plain_vertices(const TriangleMesh& skin, const std::vector<Index>& some) const;
+  std::vector<std::array<Index, 3>> plain_corners(const TriangleMesh& skin, const std::vector<Index>& some) const;
   Index new_slot();
   void count_shapes(const std::vector<Index>& triangles, int times) const;
   void put_in_order() const;

@@ -120,9 +120,10 @@ RefinedSkin::Bounds RefinedSkin::find_bounds(Index triangle) const {
   return bounds;
 }
 
-/// Vertices of some triangles about which nothing can overlap: all triangles about one, refined, look to one side, and
-/// go round it once (after Volino and Magnenat-Thalmann 1994).
-std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, const std::vector<Index>& some) const {
+/// Of some triangles, those of their corners about which nothing can overlap (else kNone): all triangles about one,
+/// refined, look to one side, and go round it once (after Volino and Magnenat-Thalmann 1994).
+std::vector<std::array<Index, 3>> RefinedSkin::plain_corners(const TriangleMesh& skin,
+                                                             const std::vector<Index>& some) const {
   std::vector<std::uint8_t> plain(skin.vertex_count());
   std::vector<Index> outgoing(plain.size(), kNone);
   for (const Index t : some)
@@ -151,7 +152,14 @@ std::vector<std::uint8_t> RefinedSkin::plain_vertices(const TriangleMesh& skin, 
     return looks && rounds == 1;
   };
   for_each_index(plain.size(), [&](std::size_t v) { plain[v] = outgoing[v] != kNone && is_plain(Index(v)); });
-  return plain;
+  std::vector<std::array<Index, 3>> corners(some.size());
+  for_each_index(some.size(), [&](std::size_t i) {
+    for (Index k = 0; k < 3; ++k) {
+      const Index v = skin.vertex[3 * some[i] + k];
+      corners[i][k] = plain[v] ? v : kNone;
+    }
+  });
+  return corners;
 }
 
 const std::vector<Crossing>& RefinedSkin::crossings(const TriangleMesh& skin) {
@@ -171,7 +179,6 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   std::vector<FlatBox> boxes(fresh.size());
   for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
   const std::vector<Index> some = near_fresh(boxes, fresh);
-  const std::vector<std::uint8_t> plain = plain_vertices(skin, some);
   const auto vertex = [&](Index c, int k) { return geometric_.mesh.vertex[3 * c + Index(k)]; };
   const auto share = [&](Index c, Index d) {
     for (int i = 0; i < 3; ++i)
@@ -179,11 +186,13 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
         if (vertex(c, i) == vertex(d, j)) return true;
     return false;
   };
-  const auto plain_about = [&](Index a, Index b) {
-    for (Index h = 3 * a; h < 3 * a + 3; ++h)
-      for (Index k = 3 * b; k < 3 * b + 3; ++k)
-        if (skin.vertex[h] == skin.vertex[k] && plain[skin.vertex[h]]) return true;
-    return false;
+  const std::vector<std::array<Index, 3>> plain = plain_corners(skin, some);
+  // Of rows of `some`.
+  const auto plain_about = [&](Index i, Index j) {
+    bool shared = false;
+    for (const Index v : plain[i])
+      for (const Index w : plain[j]) shared |= v == w && v != kNone;
+    return shared;
   };
   struct Child {
     Index row;
@@ -227,14 +236,15 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
       for (auto d = c + 1; d != own.some.end() && d->box.low[axis] <= c->box.high[axis]; ++d)
         c->row < d->row ? compare(t, *c, t, *d, own) : compare(t, *d, t, *c, own);
   };
-  for_each_index(fresh.size(), [&](std::size_t t) {
-    if (fresh[t] && child(t).count > 1 && !plain_about(Index(t), Index(t))) look_at(Index(t));
+  for_each_index(some.size(), [&](std::size_t i) {
+    const Index t = some[i];
+    if (fresh[t] && child(t).count > 1 && !plain_about(Index(i), Index(i))) look_at(t);
   });
   for (std::size_t i = 0; i < some.size(); ++i) boxes[i] = boxes[some[i]];  // ascending
   boxes.resize(some.size());
   near_boxes(boxes, 0.0, [&](const TrianglePair& pair) {
     const Index a = some[pair.a], b = some[pair.b];
-    if ((fresh[a] || fresh[b]) && !plain_about(a, b)) look(a, b);
+    if (!plain_about(pair.a, pair.b) && (fresh[a] || fresh[b])) look(a, b);
     return false;
   });
   std::vector<Crossing> all;

@@ -11,6 +11,7 @@
 
 #include "core/parallel.h"
 #include "core/topology/exact_sign.h"
+#include "core/vectorized.h"
 
 namespace isoskin {
 namespace {
@@ -109,17 +110,22 @@ Grid make_grid(const std::vector<FlatBox>& box, double margin) {
 struct Entry {
   std::uint64_t cell;
   Index triangle;
+  std::uint32_t begins;  // bit k: along axis k the triangle's cells begin with this one
 };
 
 std::uint64_t key_of(const IVec3& c) {
   return std::uint64_t(c.x) << 42 | std::uint64_t(c.y) << 21 | std::uint64_t(c.z);
 }
 
+/// visit(key, Entry::begins).
 template <class Visit>
 void for_each_cell(const CellRange& range, const Visit& visit) {
-  for (int x = range.low.x; x <= range.high.x; ++x)
-    for (int y = range.low.y; y <= range.high.y; ++y)
-      for (int z = range.low.z; z <= range.high.z; ++z) visit(key_of({x, y, z}));
+  const IVec3& low = range.low;
+  for (int x = low.x; x <= range.high.x; ++x)
+    for (int y = low.y; y <= range.high.y; ++y)
+      for (int z = low.z; z <= range.high.z; ++z)
+        visit(key_of({x, y, z}),
+              std::uint32_t(x == low.x) | std::uint32_t(y == low.y) << 1 | std::uint32_t(z == low.z) << 2);
 }
 
 /// The grid's entries, those of one cell in one bucket of a hash table, in no order: sorting them by cells takes
@@ -140,18 +146,51 @@ struct CellTable {
     };
     first.assign(buckets + 1, 0);
     for_each_index(grid.range.size(), [&](std::size_t t) {
-      for_each_cell(grid.range[t], [&](std::uint64_t cell) { next_in(first[bucket_of(cell) + 1]); });
+      for_each_cell(grid.range[t], [&](std::uint64_t cell, std::uint32_t) { next_in(first[bucket_of(cell) + 1]); });
     });
     std::inclusive_scan(first.begin(), first.end(), first.begin());
     entry.resize(first.back());
     std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
     for_each_index(grid.range.size(), [&](std::size_t t) {
-      for_each_cell(grid.range[t], [&](std::uint64_t cell) {
-        entry[next_in(next[bucket_of(cell)])] = {cell, Index(t)};
+      for_each_cell(grid.range[t], [&](std::uint64_t cell, std::uint32_t begins) {
+        entry[next_in(next[bucket_of(cell)])] = {cell, Index(t), begins};
       });
     });
   }
 };
+
+/// The boxes of a bucket, a column a coordinate, and Entry::begins.
+struct BoxColumns {
+  std::vector<float> low[3], high[3];
+  std::vector<std::uint32_t> begins;
+
+  void assign(std::span<const Entry> entries, const std::vector<FlatBox>& box) {
+    for (int k = 0; k < 3; ++k) low[k].resize(entries.size()), high[k].resize(entries.size());
+    begins.resize(entries.size());
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      const FlatBox& b = box[entries[i].triangle];
+      for (int k = 0; k < 3; ++k) low[k][i] = b.low[k], high[k][i] = b.high[k];
+      begins[i] = entries[i].begins;
+    }
+  }
+};
+
+/// near[j], j > i: 1 where boxes i and j of a cell are no farther apart than `margin` and this is the first of the
+/// cells that both reach into.
+ISOSKIN_VECTORIZED
+void compare_boxes(const BoxColumns& box, std::uint32_t i, std::uint32_t count, float margin, std::uint32_t* near) {
+  constexpr std::uint32_t kAllAxes = 7;
+  const float *x = box.low[0].data(), *y = box.low[1].data(), *z = box.low[2].data();
+  const float *xx = box.high[0].data(), *yy = box.high[1].data(), *zz = box.high[2].data();
+  const std::uint32_t* begins = box.begins.data();
+  const float lx = x[i], ly = y[i], lz = z[i], hx = xx[i], hy = yy[i], hz = zz[i];
+  const std::uint32_t own = begins[i];
+  for (std::uint32_t j = i + 1; j < count; ++j) {
+    const bool apart = (lx - xx[j] > margin) | (x[j] - hx > margin) | (ly - yy[j] > margin) | (y[j] - hy > margin) |
+                       (lz - zz[j] > margin) | (z[j] - hz > margin);
+    near[j] = !apart & ((own | begins[j]) == kAllAxes);
+  }
+}
 
 }  // namespace
 
@@ -183,30 +222,32 @@ std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& box, double mar
 
   struct Found {
     std::vector<TrianglePair> pairs;
-    std::vector<FlatBox> boxes;  // of a bucket
+    BoxColumns boxes;  // of a bucket
+    std::vector<std::uint32_t> near;
     std::size_t candidates = 0;
   };
-  const auto apart = [&](const FlatBox& a, const FlatBox& b) {
-    const Vec3 gap = glm::max(a.low - b.high, b.low - a.high);
-    return std::max({gap.x, gap.y, gap.z}) > float(margin);
-  };
   tbb::enumerable_thread_specific<Found> found;
-  for_each_index(table.first.size() - 1, [&](std::size_t bucket) {
-    Found& own = found.local();
-    const std::span entries(table.entry.data() + table.first[bucket], table.entry.data() + table.first[bucket + 1]);
-    own.boxes.clear();
-    for (const Entry& entry : entries) own.boxes.push_back(box[entry.triangle]);
-    for (std::size_t i = 0; i < entries.size(); ++i)
-      for (std::size_t j = i + 1; j < entries.size(); ++j) {
-        if (entries[i].cell != entries[j].cell || apart(own.boxes[i], own.boxes[j])) continue;
+  const auto look_into = [&](std::span<const Entry> entries, Found& own) {
+    const auto count = std::uint32_t(entries.size());
+    own.boxes.assign(entries, box);
+    own.near.resize(count);
+    for (std::uint32_t i = 0; i + 1 < count; ++i) {
+      compare_boxes(own.boxes, i, count, float(margin), own.near.data());
+      for (std::uint32_t j = i + 1; j < count; ++j) {
+        if (!own.near[j] || entries[i].cell != entries[j].cell) continue;
         const TrianglePair pair{std::min(entries[i].triangle, entries[j].triangle),
                                 std::max(entries[i].triangle, entries[j].triangle)};
-        // Of the cells both are listed in, one looks at them.
-        const IVec3 home = glm::max(grid.range[pair.a].low, grid.range[pair.b].low);
-        if (entries[i].cell != key_of(home)) continue;
         ++own.candidates;
         if (wanted(pair)) own.pairs.push_back(pair);
       }
+    }
+  };
+  constexpr std::size_t kBuckets = 1024;
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, table.first.size() - 1, kBuckets), [&](const auto& range) {
+    Found& own = found.local();
+    for (std::size_t bucket = range.begin(); bucket != range.end(); ++bucket)
+      if (table.first[bucket + 1] > table.first[bucket] + 1)
+        look_into({table.entry.data() + table.first[bucket], table.entry.data() + table.first[bucket + 1]}, own);
   });
   std::vector<TrianglePair> pairs;
   PairStatistics sums{table.entry.size(), 0};
