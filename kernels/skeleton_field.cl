@@ -364,20 +364,18 @@ INLINE vint cell_of(FIELD_PARAMS, vec3v p) {
 // is added, lanes of other cells stand where no compact element reaches.
 INLINE SkeletonSum sum_elements(FIELD_PARAMS, vec3v p, int with_hessian) {
   SkeletonSum sum = {-field.iso, {0.0f, 0.0f, 0.0f}, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+  for (uint at = 0; at < field.always; ++at) add_element(FIELD_ARGS, at, p, with_hessian, &sum);
+  if (!field.size[0]) return sum;
   vint cells = cell_of(FIELD_ARGS, p);
-  vec3v here = p;
-  uint at = 0, end = field.always;
   for (;;) {
-    for (; at < end; ++at) add_element(FIELD_ARGS, at, here, with_hessian, &sum);
     const int cell = least(cells);
     if (cell == INT_MAX) return sum;
     const vint mine = cells == cell;
-    here.x = select((vfloat)(FAR), p.x, mine);
-    here.y = select((vfloat)(FAR), p.y, mine);
-    here.z = select((vfloat)(FAR), p.z, mine);
+    const vec3v here = {select((vfloat)(FAR), p.x, mine), select((vfloat)(FAR), p.y, mine),
+                        select((vfloat)(FAR), p.z, mine)};
+    for (uint at = field_first[cell]; at < field_first[cell + 1]; ++at)
+      add_element(FIELD_ARGS, at, here, with_hessian, &sum);
     cells = select(cells, (vint)(INT_MAX), mine);
-    at = field_first[cell];
-    end = field_first[cell + 1];
   }
 }
 #endif
