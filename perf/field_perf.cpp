@@ -121,11 +121,14 @@ std::shared_ptr<BrickGrid> dense_grid(Interpolation interpolation) {
   return grid;
 }
 
-inline const float* locate(const BrickGrid& g, const Vec3& p, float over_h, Vec3& t) {
-  const Vec3 u = (p - Vec3(g.origin)) * over_h;
+/// Where the taps of a point begin; none where a constant holds, as beyond the grid.
+inline const float* locate(const BrickGrid& g, const Vec3& p, const Vec3& origin, float over_h, Vec3& t) {
+  const Vec3 u = (p - origin) * over_h, size = Vec3(g.table_size * BrickGrid::kBrick);
+  if (!(u.x >= 0 && u.y >= 0 && u.z >= 0 && u.x < size.x && u.y < size.y && u.z < size.z)) return nullptr;
   const IVec3 c(u);
   t = u - Vec3(c);
   const std::int32_t entry = g.table[((c.x >> 3) * g.table_size.y + (c.y >> 3)) * g.table_size.z + (c.z >> 3)];
+  if (entry < 0) return nullptr;
   return g.tap.data() + std::size_t(entry) * BrickGrid::kTapValues + ((c.x & 7) * 11 + (c.y & 7)) * 11 + (c.z & 7);
 }
 
@@ -149,9 +152,14 @@ inline float sum4(Four v) {
 void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
               std::size_t end) {
   const float over_h = float(1.0 / g.h);
+  const Vec3 origin(g.origin);
   for (std::size_t i = begin; i < end; ++i) {
     Vec3 t;
-    const float* tap = locate(g, points[i], over_h, t);
+    const float* tap = locate(g, points[i], origin, over_h, t);
+    if (!tap) {
+      values[i] = g.outside, gradients[i] = Vec3(0.0f);
+      continue;
+    }
     const Four wx = value_weights(t.x), wy = value_weights(t.y), wz = value_weights(t.z);
     const Four dx = slope_weights(t.x), dy = slope_weights(t.y), dz = slope_weights(t.z);
     Four f{}, fx{}, fy{};
@@ -174,9 +182,15 @@ void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradi
 void trilinear(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
                std::size_t end) {
   const float over_h = float(1.0 / g.h);
+  const Vec3 origin(g.origin);
   for (std::size_t i = begin; i < end; ++i) {
     Vec3 t;
-    const float* c = locate(g, points[i], over_h, t) + 12 * 11 + 1;
+    const float* tap = locate(g, points[i], origin, over_h, t);
+    if (!tap) {
+      values[i] = g.outside, gradients[i] = Vec3(0.0f);
+      continue;
+    }
+    const float* c = tap + 12 * 11 + 1;
     const float a0 = c[0], a1 = c[1], b0 = c[11], b1 = c[12], c0 = c[121], c1 = c[122], d0 = c[132], d1 = c[133];
     const float low0 = a0 + t.y * (b0 - a0), low1 = a1 + t.y * (b1 - a1);
     const float high0 = c0 + t.y * (d0 - c0), high1 = c1 + t.y * (d1 - c1);
