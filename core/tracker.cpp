@@ -23,6 +23,7 @@
 #include "core/topology/crumples.h"
 #include "core/topology/droplets.h"
 #include "core/topology/inherit_ids.h"
+#include "core/topology/match.h"
 #include "core/topology/necks.h"
 #include "core/topology/thin_features.h"
 #include "core/topology/triangle_pairs.h"
@@ -103,6 +104,15 @@ void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const 
     if (piece != kNone && certificate.mesh_piece[piece] != Fault::none && sizes[piece] <= most_vertices)
       sites.add(mesh.position(v), true);
   }
+}
+
+/// What merges pieces may be hidden from every corner of the lattice.
+void add_bridges(const TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate,
+                 const BrickLattice& lattice, const LatticeTopology& topology, BadSites& sites) {
+  std::vector<std::uint8_t> merged(mesh.vertex_count());
+  for (Index v = 0; v < merged.size(); ++v)
+    merged[v] = pieces.of_vertex[v] != kNone && certificate.mesh_piece[pieces.of_vertex[v]] == Fault::merged;
+  for (const Index v : vertices_between_pieces(mesh, merged, lattice, topology)) sites.add(mesh.position(v), false);
 }
 
 /// Where a piece with another topology is one triangle around, a handle or neck may be that no lattice corner tells of.
@@ -491,7 +501,8 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   ReskinOptions reskin_options = options_.reskin;
   reskin_options.edge_length = options_.edge_length;
   reskin_options.replace_all = how.replace_all;
-  reskin_options.suspects_only = reskin_options.spare_sound = how.suspects_only;
+  reskin_options.suspects_only = how.suspects_only;
+  reskin_options.spare_sound = !how.replace_all;
   reskin_options.radius *= how.widened;
   if (how.suspects_only) reskin_options.narrow.rounds = 0;
   reskin_options.alter = unlocked_and_still(options_.alter);
@@ -527,6 +538,7 @@ BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, co
                          differing_bricks(mesh_, evidence.lattice, evidence.topology.signs), *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   add_necks(mesh_, failed, sites);
+  add_bridges(mesh_, evidence.pieces, evidence.certificate, evidence.lattice, evidence.topology, sites);
   add_crumples(mesh_, options_.edge_length, *backend_, sites);
   return sites;
 }

@@ -11,6 +11,8 @@
 #include <tbb/parallel_for.h>
 
 #include "core/disjoint_sets.h"
+#include "core/mesh/independent_edits.h"
+#include "core/mesh/one_ring.h"
 
 namespace isoskin {
 namespace {
@@ -207,6 +209,29 @@ std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pi
       clusters[c].lattice.push_back(p - static_cast<Index>(pieces.count()));
   }
   return clusters;
+}
+
+std::vector<Index> vertices_between_pieces(const TriangleMesh& mesh, const std::vector<std::uint8_t>& merged,
+                                           const BrickLattice& lattice, const LatticeTopology& topology) {
+  std::vector<Index> vote(mesh.vertex_count(), kNone);
+  tbb::parallel_for(std::size_t{0}, (vote.size() + kChunk - 1) / kChunk, [&](std::size_t k) {
+    Cells cells(lattice, topology);
+    for (std::size_t v = k * kChunk; v < std::min(vote.size(), (k + 1) * kChunk); ++v)
+      if (merged[v]) vote[v] = cells.vote(mesh.vertices.position[v]);
+  });
+  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
+  std::vector<Index> queue = indices_where(vote.size(), [&](Index v) { return vote[v] != kNone; });
+  for (std::size_t i = 0; i < queue.size(); ++i)
+    for_each_leaving(mesh, outgoing[queue[i]], [&](Index h) {
+      if (vote[mesh.to(h)] != kNone) return;
+      vote[mesh.to(h)] = vote[queue[i]];
+      queue.push_back(mesh.to(h));
+    });
+  return indices_where(vote.size(), [&](Index v) {
+    bool between = false;
+    if (vote[v] != kNone) for_each_leaving(mesh, outgoing[v], [&](Index h) { between |= vote[mesh.to(h)] > vote[v]; });
+    return between;
+  });
 }
 
 }  // namespace isoskin

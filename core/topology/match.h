@@ -25,4 +25,9 @@ struct Cluster {
 std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
                                   const LatticeTopology& topology, double least_piece);
 
+/// Where skin of pieces that are merged (one byte a vertex) runs from one piece of the lattice's surface to another, by
+/// the votes of its vertices, or of those nearest along edges: a vertex of every edge with different ones, ascending.
+std::vector<Index> vertices_between_pieces(const TriangleMesh& mesh, const std::vector<std::uint8_t>& merged,
+                                           const BrickLattice& lattice, const LatticeTopology& topology);
+
 }  // namespace isoskin

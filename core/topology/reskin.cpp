@@ -31,8 +31,10 @@ struct Scene {
   const Certificate& certificate;
   const BrickLattice& lattice;
   const ReskinOptions& options;
-  const std::vector<Vec3> normals;         // per vertex, of the field
-  const std::vector<std::uint8_t> folded;  // per vertex
+  const std::vector<Vec3> normals;          // per vertex, of the field
+  const std::vector<std::uint8_t> folded;   // per vertex
+  const std::vector<std::uint8_t> failed;   // per vertex: its piece failed
+  const std::vector<std::uint8_t> differs;  // per vertex: its piece may have to change topology
   Backend& backend;
 };
 
@@ -44,14 +46,19 @@ std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, const std::v
   return folded;
 }
 
-/// Vertices of failed pieces near a point.
-std::vector<std::uint8_t> hot_vertices(const Scene& scene, const PointGrid& points) {
-  std::vector<std::uint8_t> hot(scene.mesh.vertex_count());
-  for_each_index(hot.size(), [&](std::size_t v) {
-    hot[v] = scene.certificate.mesh_piece[scene.pieces.of_vertex[v]] != Fault::none &&
-             points.any_near(scene.mesh.position(Index(v)));
-  });
-  return hot;
+/// One byte a vertex: those with of != 0 near a point.
+std::vector<std::uint8_t> vertices_near(const TriangleMesh& mesh, const std::vector<std::uint8_t>& of,
+                                        const PointGrid& points) {
+  std::vector<std::uint8_t> near(mesh.vertex_count());
+  for_each_index(near.size(), [&](std::size_t v) { near[v] = of[v] && points.any_near(mesh.position(Index(v))); });
+  return near;
+}
+
+std::vector<std::uint8_t> vertices_of_failed(const MeshPieces& pieces, const Certificate& certificate) {
+  std::vector<std::uint8_t> failed(pieces.of_vertex.size());
+  for_each_index(failed.size(),
+                 [&](std::size_t v) { failed[v] = certificate.mesh_piece[pieces.of_vertex[v]] != Fault::none; });
+  return failed;
 }
 
 /// Skin that is folded makes borders that no seam fits: what is hot reaches on to the fold's end.
@@ -175,20 +182,24 @@ void take_near(const std::vector<Vec3>& places, float radius, std::vector<Vec3>&
   });
 }
 
-/// What is emptied: the vertices of failed pieces about bad points, and where holes had to grow.
+/// What is emptied: the vertices of failed pieces about bad points, of those with the right topology only about what is
+/// surely bad, and where holes had to grow.
 class Emptied {
 public:
-  Emptied(const Scene& scene, std::vector<Vec3> bad, std::vector<Vec3> left_alone)
-      : scene_(&scene),
-        radius_(float(scene.options.radius * scene.options.edge_length)),
-        bad_(std::move(bad)),
-        left_alone_(std::move(left_alone)),
-        hot_(scene.mesh.vertex_count()) {
+  Emptied(const Scene& scene, const BadSites& sites)
+      : scene_(&scene), radius_(float(scene.options.radius * scene.options.edge_length)) {
+    std::vector<Vec3> sure;
+    for (std::size_t i = 0; i < sites.point.size(); ++i) {
+      (scene.options.suspects_only && sites.odd[i] ? left_alone_ : bad_).push_back(sites.point[i]);
+      if (sites.sure[i]) sure.push_back(sites.point[i]);
+    }
+    hot_ = vertices_near(scene.mesh, scene.failed, PointGrid(sure, radius_));
     heat(bad_);
     reach_over_folds(*scene_, hot_);
     spare_sound();
   }
 
+  bool any() const { return !bad_.empty(); }
   /// At these vertices, and about the odd sites near them that were left alone.
   void grow(const std::vector<Index>& vertices) {
     std::vector<Vec3> places;
@@ -245,7 +256,7 @@ private:
       if (about[scene_->mesh.vertex[h]]) spared_[h / 3] = 0;
   }
   void heat(const std::vector<Vec3>& points) {
-    const std::vector<std::uint8_t> more = hot_vertices(*scene_, PointGrid(points, radius_));
+    const std::vector<std::uint8_t> more = vertices_near(scene_->mesh, scene_->differs, PointGrid(points, radius_));
     for (std::size_t v = 0; v < hot_.size(); ++v) hot_[v] |= more[v];
   }
 
@@ -297,7 +308,7 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
   report = {};
   auto& [holes, snapped, patches] = cut;
   Groups groups(holes, patches, scene.options.alike_only);
-  const std::vector<std::uint8_t> surely_hot = hot_vertices(scene, near_sure);
+  const std::vector<std::uint8_t> surely_hot = vertices_near(scene.mesh, scene.failed, near_sure);
   for (Index t = 0; t < holes.of_triangle.size(); ++t)
     for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h)
       if (surely_hot[scene.mesh.vertex[h]]) groups.make_sure(holes.of_triangle[t]);
@@ -449,7 +460,7 @@ std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGri
     Cut tried;
     const bool fits = fit(with, emptied, tried, options.growths - attempt);
     if (fits && options.narrow.rounds > 0 && !options.replace_all && !options.alike_only)
-      narrow(with, hot_vertices(scene, near_sure), emptied, tried);
+      narrow(with, vertices_near(scene.mesh, scene.failed, near_sure), emptied, tried);
     if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, report)) return welded;
     if (!fits || report.seams == 0) break;
     std::vector<Index> beside;
@@ -481,16 +492,23 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
                     const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                     const ReskinOptions& options, GrowingFilling* shared) {
   const std::vector<Vec3> normals = field_normals(mesh.vertices.position, backend);
-  const Scene scene{mesh, pieces, certificate, lattice, options, normals, folded_vertices(mesh, normals), backend};
-  std::vector<Vec3> bad, sure, left_alone;
-  for (std::size_t i = 0; i < sites.point.size(); ++i) {
-    (options.suspects_only && sites.odd[i] ? left_alone : bad).push_back(sites.point[i]);
+  const Scene scene{
+      mesh,
+      pieces,
+      certificate,
+      lattice,
+      options,
+      normals,
+      folded_vertices(mesh, normals),
+      vertices_of_failed(pieces, certificate),
+      options.replace_all ? vertices_of_failed(pieces, certificate) : failed_vertices(pieces, certificate),
+      backend};
+  std::vector<Vec3> sure;
+  for (std::size_t i = 0; i < sites.point.size(); ++i)
     if (options.replace_all || sites.sure[i]) sure.push_back(sites.point[i]);
-  }
   ReskinReport report;
   std::optional<Weld> welded;
-  if (!bad.empty()) {
-    Emptied emptied(scene, std::move(bad), std::move(left_alone));
+  if (Emptied emptied(scene, sites); emptied.any()) {
     std::optional<GrowingFilling> own;
     GrowingFilling& filling = shared ? *shared : own.emplace(lattice, topology, backend);
     welded = replace(scene, emptied, PointGrid(sure, float(options.radius * options.edge_length)), filling, report);

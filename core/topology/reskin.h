@@ -51,7 +51,8 @@ struct ReskinReport {
   Index first_new_vertex = 0;      // vertices from here on are new: age 1
 };
 
-/// Empties the neighbourhood of `sites` on the pieces that failed the certificate, and what is folded beside it, cuts
+/// Empties the neighbourhood of `sites` on the pieces that failed the certificate (where their topology is right, of
+/// the sure ones, unless all is replaced), and what is folded beside it, cuts
 /// the lattice's surface along paths between the vertices of the borders that remain (each border vertex snapped to the
 /// nearest lattice vertex of the same side, neighbours joined by shortest paths), keeps the part that faces the hole
 /// and welds it. Closed pieces of the lattice's surface that failed and have no mesh any more are added, emptied pieces
