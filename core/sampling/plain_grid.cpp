@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #ifdef __SSE2__
 #include <emmintrin.h>
@@ -172,6 +173,15 @@ Four load(const float* from) {
 Four greater_of(Four a, Four b) {
   return a > b ? a : b;
 }
+Four lesser_of(Four a, Four b) {
+  return a < b ? a : b;
+}
+float least_of(Four v) {
+  return std::min({v[0], v[1], v[2], v[3]});
+}
+float greatest_of(Four v) {
+  return std::max({v[0], v[1], v[2], v[3]});
+}
 float greatest(Four v, int count) {
   float most = 0.0f;
   for (int i = 0; i < count; ++i) most = std::max(most, v[i]);
@@ -224,25 +234,50 @@ ISOSKIN_VECTORIZED void find_bernstein(const float* tap, Coefficients& c) {
   to_bernstein<1>(c);
 }
 
-/// A third of F's derivative along an axis, raised to F's own degree.
-Coefficients slopes(const Coefficients& c, int axis) {
-  constexpr std::array<int, 3> kStep{16, 4, 1};
-  const int step = kStep[axis];
-  Coefficients out;
-  for (int i = 0; i < 64; ++i) {
-    if (i / step % kSupport != 0) continue;
-    const float a = c[i + step] - c[i], b = c[i + 2 * step] - c[i + step], d = c[i + 3 * step] - c[i + 2 * step];
-    out[i] = a;
-    out[i + step] = (a + 2.0f * b) / 3.0f;
-    out[i + 2 * step] = (2.0f * b + d) / 3.0f;
-    out[i + 3 * step] = d;
+/// The least and the greatest.
+std::pair<float, float> range(const Coefficients& c) {
+  Four low = load(c.data()), high = low;
+  for (int i = 4; i < 64; i += 4) {
+    const Four four = load(&c[i]);
+    low = lesser_of(low, four);
+    high = greater_of(high, four);
+  }
+  return {least_of(low), greatest_of(high)};
+}
+
+/// Rows of a cell's coefficients along z, index x * 4 + y.
+using CellRows = std::array<Four, kSupport * kSupport>;
+
+/// Of four coefficients along an axis, a third of F's derivative along it, raised to F's own degree.
+[[gnu::always_inline]] inline void find_slopes(Four c0, Four c1, Four c2, Four c3, Four* out, int step) {
+  const Four a = c1 - c0, b = c2 - c1, d = c3 - c2;
+  out[0] = a;
+  out[step] = (a + 2.0f * b) / 3.0f;
+  out[2 * step] = (2.0f * b + d) / 3.0f;
+  out[3 * step] = d;
+}
+
+/// Those derivatives along all axes.
+std::array<CellRows, 3> slopes(const Coefficients& coefficients) {
+  CellRows row;
+  for (int r = 0; r < 16; ++r) row[r] = load(&coefficients[4 * r]);
+  std::array<CellRows, 3> out;
+  for (int i = 0; i < kSupport; ++i) {
+    find_slopes(row[i], row[4 + i], row[8 + i], row[12 + i], &out[0][i], 4);
+    find_slopes(row[4 * i], row[4 * i + 1], row[4 * i + 2], row[4 * i + 3], &out[1][4 * i], 1);
+  }
+  for (int r = 0; r < 16; ++r) {
+    const Four c = row[r], lower{c[0], c[0], c[1], c[2]}, middle{c[1], c[1], c[2], c[3]}, upper{c[1], c[2], c[3], c[3]};
+    const Four first = middle - lower, second = upper - middle;  // a a b d, 0 b d 0
+    const Four inner = (Four{0.0f, 1.0f, 2.0f, 0.0f} * first + Four{0.0f, 2.0f, 1.0f, 0.0f} * second) / 3.0f;
+    out[2][r] = Four{first[0], inner[1], inner[2], first[3]};
   }
   return out;
 }
 
 /// Tells by its Bernstein form, which is much closer than the hull of taps, whether the surface may cross a cell, and
-/// all ways that F goes there. `tap`: the brick's first.
-void look_closer(const float* tap, const IVec3& cell, Brick& brick) {
+/// which of the first so many ways F goes there. `tap`: the brick's first.
+void look_closer(const float* tap, const IVec3& cell, int ways, Brick& brick) {
   const float* const first = tap + cell.x * kStride[0] + cell.y * kStride[1] + cell.z;
   const std::uint64_t bit = std::uint64_t{1} << (cell.y * 8 + cell.z);
   Coefficients c;
@@ -250,38 +285,38 @@ void look_closer(const float* tap, const IVec3& cell, Brick& brick) {
   float slack = 0.0f;
   if (crossed) {
     find_bernstein(first, c);
-    const auto [low, high] = std::minmax_element(c.begin(), c.end());
-    slack = kSlack * std::max(std::abs(*low), std::abs(*high));
-    crossed = *low <= slack && *high >= -slack;
+    const auto [low, high] = range(c);
+    slack = kSlack * std::max(std::abs(low), std::abs(high));
+    crossed = low <= slack && high >= -slack;
   }
   if (!crossed) {
     brick.crossed[cell.x] &= ~bit;
     return;
   }
-  const std::array<Coefficients, 3> slope{slopes(c, 0), slopes(c, 1), slopes(c, 2)};
-  for (int w = 0; w < kWays; w += 2) {
-    const IVec3& along = kDirections[w / 2];
-    float least = std::numeric_limits<float>::infinity(), most = -least;
-    for (int i = 0; i < 64; ++i) {
-      const float sum = float(along.x) * slope[0][i] + float(along.y) * slope[1][i] + float(along.z) * slope[2][i];
-      least = std::min(least, sum);
-      most = std::max(most, sum);
+  const std::array<CellRows, 3> slope = slopes(c);
+  for (int w = 0; w < ways; w += 2) {
+    const Vec3 along(kDirections[w / 2]);
+    Four least = along.x * slope[0][0] + along.y * slope[1][0] + along.z * slope[2][0], most = least;
+    for (int r = 1; r < 16; ++r) {
+      const Four sum = along.x * slope[0][r] + along.y * slope[1][r] + along.z * slope[2][r];
+      least = lesser_of(least, sum);
+      most = greater_of(most, sum);
     }
-    if (least > slack) brick.way[w][cell.x] |= bit;
-    if (most < -slack) brick.way[w + 1][cell.x] |= bit;
+    if (least_of(least) > slack) brick.way[w][cell.x] |= bit;
+    if (greatest_of(most) < -slack) brick.way[w + 1][cell.x] |= bit;
   }
 }
 
 bool is_plain(const float* tap) {
   Brick brick(tap);
   if (brick.empty() || rough_cells(brick, kAxisWays) == CellBits{}) return true;
-  const auto look = [&](const CellBits& cells) {
-    for_each_cell(cells, [&](const IVec3& cell) { look_closer(tap, cell, brick); });
+  const auto look = [&](const CellBits& cells, int ways) {
+    for_each_cell(cells, [&](const IVec3& cell) { look_closer(tap, cell, ways, brick); });
   };
-  look(untold_cells(brick));
+  look(untold_cells(brick), kAxisWays);
   const CellBits rough = rough_cells(brick, kAxisWays);
   if (rough == CellBits{}) return true;
-  look(crossed_about(brick, rough));
+  look(crossed_about(brick, rough), kWays);
   return rough_cells(brick, kWays) == CellBits{};
 }
 
