@@ -14,34 +14,44 @@ constexpr int kBrick = BrickGrid::kBrick;
 constexpr int kTaps = BrickGrid::kTaps;
 constexpr int kMargin = 12;  // voxels the filter runs in before its first wanted tap
 constexpr int kWindow = kTaps + 2 * kMargin;
+constexpr int kRun = 8;  // bricks in a row along z that are filtered together
+constexpr int kLongest = kWindow + (kRun - 1) * kBrick;
 constexpr float kPole = -0.26794919243112270f;  // sqrt(3) - 2
 constexpr float kGain = 216.0f;                 // 6 an axis
 
-// Copies F at the n^3 voxels from `first` on to out, z fastest.
-void gather(const BlockValues& blocks, const IVec3& first, int n, float* out) {
-  const auto segment = [&](const IVec3& voxel, int count, float* to) {
-    const IVec3 block = voxel >> 3;
-    const IVec3 b = block - blocks.low;
-    const bool known =
-        b.x >= 0 && b.y >= 0 && b.z >= 0 && b.x < blocks.size.x && b.y < blocks.size.y && b.z < blocks.size.z;
-    const std::size_t entry = known ? blocks.entry(block) : 0;
-    if (!known || !blocks.values[entry]) {
-      std::fill_n(to, count, known ? blocks.constant[entry] : blocks.outside);
-      return;
-    }
-    const float* from = blocks.values[entry] + ((voxel.x & 7) * kBrick + (voxel.y & 7)) * kBrick + (voxel.z & 7);
-    std::copy_n(from, count, to);
-  };
-  for (int x = 0; x < n; ++x) {
-    for (int y = 0; y < n; ++y) {
-      for (int z = 0; z < n;) {
-        const IVec3 voxel = first + IVec3(x, y, z);
-        const int count = std::min(kBrick - (voxel.z & 7), n - z);
-        segment(voxel, count, out + (x * n + y) * n + z);
-        z += count;
+// F of a block: its values (null where it has one only), and that one.
+std::pair<const float*, float> block_source(const BlockValues& blocks, const IVec3& block) {
+  const IVec3 b = block - blocks.low;
+  if (b.x < 0 || b.y < 0 || b.z < 0 || b.x >= blocks.size.x || b.y >= blocks.size.y || b.z >= blocks.size.z)
+    return {nullptr, blocks.outside};
+  const std::size_t entry = blocks.entry(block);
+  return {blocks.values[entry], blocks.constant[entry]};
+}
+
+// Copies F at the voxels of the box of `size` from `first` on to out, z fastest; block by block.
+void gather(const BlockValues& blocks, const IVec3& first, const IVec3& size, float* out) {
+  const auto copy_block = [&](const IVec3& block) {
+    const auto [values, constant] = block_source(blocks, block);
+    const IVec3 low = glm::max(first, block * kBrick), high = glm::min(first + size, (block + 1) * kBrick);
+    const int count = high.z - low.z;
+    for (int x = low.x; x < high.x; ++x)
+      for (int y = low.y; y < high.y; ++y) {
+        float* to = out + ((x - first.x) * size.y + (y - first.y)) * size.z + (low.z - first.z);
+        if (!values) {
+          std::fill_n(to, count, constant);
+          continue;
+        }
+        const float* from = values + ((x & 7) * kBrick + (y & 7)) * kBrick + (low.z & 7);
+        if (count == kBrick)
+          std::copy_n(from, kBrick, to);  // a known length: no call
+        else
+          std::copy_n(from, count, to);
       }
-    }
-  }
+  };
+  const IVec3 last = (first + size - 1) >> 3;
+  for (IVec3 block = first >> 3; block.x <= last.x; ++block.x)
+    for (block.y = first.y >> 3; block.y <= last.y; ++block.y)
+      for (block.z = first.z >> 3; block.z <= last.z; ++block.z) copy_block(block);
 }
 
 // Inverse of the sampled cubic B-spline (without its gain) along the rows of data[n][width]; rows from kMargin on are
@@ -60,22 +70,33 @@ void filter_rows(float* data, int n, int width) {
   }
 }
 
-// Spline coefficients of taps -1..9 from the window of values around them; spoils `window`.
-void coefficients(std::vector<float>& window, std::vector<float>& turned, float* taps) {
-  constexpr int kPlane = kWindow * kWindow, kRows = kTaps * kTaps;
-  filter_rows(window.data(), kWindow, kPlane);
-  for (int x = 0; x < kTaps; ++x) {
-    float* plane = window.data() + (x + kMargin) * kPlane;
-    filter_rows(plane, kWindow, kWindow);
-    for (int y = 0; y < kTaps; ++y) {
-      const float* row = plane + (y + kMargin) * kWindow;
-      for (int z = 0; z < kWindow; ++z) turned[z * kRows + x * kTaps + y] = row[z];
-    }
+// Spline coefficients of taps -1..9 of bricks in a row along z from the window of values around them; spoils `window`.
+void coefficients(std::vector<float>& window, std::vector<float>& turned, int bricks, float* taps) {
+  constexpr int kRows = kTaps * kTaps;
+  const int length = kWindow + (bricks - 1) * kBrick, plane = kWindow * length;
+  filter_rows(window.data(), kWindow, plane);
+  for (int x = 0; x < kTaps; ++x) filter_rows(window.data() + (x + kMargin) * plane, kWindow, length);
+  for (int b = 0; b < bricks; ++b, taps += BrickGrid::kTapValues) {
+    for (int x = 0; x < kTaps; ++x)
+      for (int y = 0; y < kTaps; ++y) {
+        const float* row = window.data() + (x + kMargin) * plane + (y + kMargin) * length + b * kBrick;
+        for (int z = 0; z < kWindow; ++z) turned[z * kRows + x * kTaps + y] = row[z];
+      }
+    filter_rows(turned.data(), kWindow, kRows);
+    for (int row = 0; row < kRows; ++row)
+      for (int z = 0; z < kTaps; ++z) taps[row * kTaps + z] = kGain * turned[(z + kMargin) * kRows + row];
   }
-  filter_rows(turned.data(), kWindow, kRows);
-  for (int row = 0; row < kRows; ++row) {
-    for (int z = 0; z < kTaps; ++z) taps[row * kTaps + z] = kGain * turned[(z + kMargin) * kRows + row];
+}
+
+// Of bricks in order, where runs of up to kRun in a row along z begin, and the end.
+std::vector<std::size_t> runs_of(const std::vector<IVec3>& bricks) {
+  std::vector<std::size_t> first;
+  for (std::size_t b = 0; b < bricks.size(); ++b) {
+    const bool goes_on = b > 0 && b - first.back() < kRun && bricks[b] == bricks[b - 1] + IVec3(0, 0, 1);
+    if (!goes_on) first.push_back(b);
   }
+  first.push_back(bricks.size());
+  return first;
 }
 
 enum class Need : std::uint8_t { nothing, brick };
@@ -105,15 +126,7 @@ BrickGrid build_bricks(const BlockValues& blocks, const DVec3& origin, double h,
     const int z = static_cast<int>(entry % grid.table_size.z), xy = static_cast<int>(entry / grid.table_size.z);
     return grid.table_low + IVec3(xy / grid.table_size.y, xy % grid.table_size.y, z);
   };
-  const auto source = [&](const IVec3& block) -> std::pair<const float*, float> {
-    const IVec3 b = block - blocks.low;
-    if (b.x < 0 || b.y < 0 || b.z < 0 || b.x >= blocks.size.x || b.y >= blocks.size.y || b.z >= blocks.size.z) {
-      return {nullptr, blocks.outside};
-    }
-    const std::size_t entry = blocks.entry(block);
-    return {blocks.values[entry], blocks.constant[entry]};
-  };
-
+  const auto source = [&](const IVec3& block) { return block_source(blocks, block); };
   std::vector<Need> needs(entries, Need::nothing);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, entries, 64), [&](const tbb::blocked_range<std::size_t>& range) {
     std::vector<float> taps(BrickGrid::kTapValues);
@@ -126,7 +139,7 @@ BrickGrid build_bricks(const BlockValues& blocks, const DVec3& origin, double h,
         alone = !other && value == constant;
       }
       if (alone) continue;
-      gather(blocks, block * kBrick - 1, kTaps, taps.data());
+      gather(blocks, block * kBrick - 1, IVec3(kTaps), taps.data());
       needs[entry] = need(taps.data(), values != nullptr);
     }
   });
@@ -148,22 +161,24 @@ BrickGrid build_bricks(const BlockValues& blocks, const DVec3& origin, double h,
   }
 
   struct Workspace {
-    std::vector<float> window = std::vector<float>(std::size_t(kWindow) * kWindow * kWindow);
+    std::vector<float> window = std::vector<float>(std::size_t(kWindow) * kWindow * kLongest);
     std::vector<float> turned = std::vector<float>(std::size_t(kWindow) * kTaps * kTaps);
   };
   tbb::enumerable_thread_specific<Workspace> workspaces;
-  const std::size_t bricks = grid.brick_coordinate.size();
-  grid.tap.resize(bricks * BrickGrid::kTapValues);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, bricks, 8), [&](const tbb::blocked_range<std::size_t>& range) {
+  grid.tap.resize(grid.brick_coordinate.size() * BrickGrid::kTapValues);
+  const std::vector<std::size_t> runs = runs_of(grid.brick_coordinate);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, runs.size() - 1, 4), [&](const auto& range) {
     Workspace& work = workspaces.local();
-    for (std::size_t brick = range.begin(); brick < range.end(); ++brick) {
-      const IVec3 first = grid.brick_coordinate[brick] * kBrick - 1;
-      float* taps = grid.tap.data() + brick * BrickGrid::kTapValues;
+    for (std::size_t run = range.begin(); run < range.end(); ++run) {
+      const IVec3 first = grid.brick_coordinate[runs[run]] * kBrick - 1;
+      const int bricks = static_cast<int>(runs[run + 1] - runs[run]);
+      float* taps = grid.tap.data() + runs[run] * BrickGrid::kTapValues;
       if (interpolation == Interpolation::linear) {
-        gather(blocks, first, kTaps, taps);
+        for (int b = 0; b < bricks; ++b)
+          gather(blocks, first + IVec3(0, 0, b * kBrick), IVec3(kTaps), taps + b * BrickGrid::kTapValues);
       } else {
-        gather(blocks, first - kMargin, kWindow, work.window.data());
-        coefficients(work.window, work.turned, taps);
+        gather(blocks, first - kMargin, {kWindow, kWindow, kWindow + (bricks - 1) * kBrick}, work.window.data());
+        coefficients(work.window, work.turned, bricks, taps);
       }
     }
   });
