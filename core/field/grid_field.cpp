@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/four.h"
+
 namespace isoskin {
 namespace {
 
@@ -150,23 +152,24 @@ struct FloatRange {
 FloatRange tap_range(const BrickGrid& grid, std::size_t brick, const IVec3& low, const IVec3& high) {
   const IVec3 first = low + lead(grid), last = high + lead(grid) + support(grid) - 1;
   const float* taps = grid.tap.data() + brick * BrickGrid::kTapValues;
-  FloatRange range;
+  const auto tap = [&](int x, int y, int z) { return taps + (x * kTaps + y) * kTaps + z; };
   if (first == IVec3(0) && last == IVec3(kTaps - 1)) {
-    float least = taps[0], most = taps[0];
-    for (int i = 1; i < BrickGrid::kTapValues; ++i) {
-      least = taps[i] < least ? taps[i] : least;
-      most = taps[i] > most ? taps[i] : most;
-    }
-    range.add({least, most});
-    return range;
+    Extremes extremes(load(taps));
+    extremes.add(taps, BrickGrid::kTapValues);
+    return {extremes.low(), extremes.high()};
   }
-  for (int x = first.x; x <= last.x; ++x) {
+  if (last.z - first.z >= 3) {
+    Extremes extremes(load(tap(first.x, first.y, first.z)));
+    for (int x = first.x; x <= last.x; ++x)
+      for (int y = first.y; y <= last.y; ++y) extremes.add(tap(x, y, first.z), last.z - first.z + 1);
+    return {extremes.low(), extremes.high()};
+  }
+  FloatRange range;
+  for (int x = first.x; x <= last.x; ++x)
     for (int y = first.y; y <= last.y; ++y) {
-      const auto [least, most] =
-          std::minmax_element(taps + (x * kTaps + y) * kTaps + first.z, taps + (x * kTaps + y) * kTaps + last.z + 1);
+      const auto [least, most] = std::minmax_element(tap(x, y, first.z), tap(x, y, last.z) + 1);
       range.add({*least, *most});
     }
-  }
   return range;
 }
 
@@ -266,19 +269,26 @@ GridField::GridField(std::shared_ptr<const BrickGrid> grid) : grid_(std::move(gr
 // Widens bounds_ by those cells of a brick in which F may be zero.
 void GridField::add_to_bounds(std::size_t brick) {
   const DVec3 corner(grid_->brick_coordinate[brick] * kBrick);
-  const auto world = [&](const DVec3& voxel) { return grid_->origin + grid_->h * voxel; };
-  const Box whole{world(corner), world(corner + double(kBrick))};
-  const auto within = [&](const Box& box) {
-    return glm::all(glm::greaterThanEqual(box.low, bounds_.low)) &&
-           glm::all(glm::lessThanEqual(box.high, bounds_.high));
+  const auto world = [&](const IVec3& cell) { return grid_->origin + grid_->h * (corner + DVec3(cell)); };
+  const auto add_cells = [&](const IVec3& low, const IVec3& high) {
+    if (!crosses(tap_range(*grid_, brick, low, high))) return;
+    for (int x = low.x; x <= high.x; ++x)
+      for (int y = low.y; y <= high.y; ++y)
+        for (int z = low.z; z <= high.z; ++z) {
+          const IVec3 at(x, y, z);
+          if (crosses(tap_range(*grid_, brick, at, at)) && crosses(cell_range(*grid_, brick, at)))
+            bounds_.add({world(at), world(at + 1)});
+        }
   };
-  if (within(whole)) return;
-  for (int cell = 0; cell < kBrick * kBrick * kBrick; ++cell) {
-    const IVec3 at(cell / (kBrick * kBrick), cell / kBrick % kBrick, cell % kBrick);
-    const Box box{world(corner + DVec3(at)), world(corner + DVec3(at + 1))};
-    if (!within(box) && crosses(tap_range(*grid_, brick, at, at)) && crosses(cell_range(*grid_, brick, at))) {
-      bounds_.add(box);
-    }
+  // Layers of cells that stick out, from outside; what follows sticks out less.
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto layer = [&](int i) {
+      IVec3 low(0), high(kBrick - 1);
+      low[axis] = high[axis] = i;
+      add_cells(low, high);
+    };
+    for (int i = 0; i < kBrick && world(IVec3(i))[axis] < bounds_.low[axis]; ++i) layer(i);
+    for (int i = kBrick - 1; i >= 0 && world(IVec3(i + 1))[axis] > bounds_.high[axis]; --i) layer(i);
   }
 }
 

@@ -8,12 +8,12 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <utility>
 
 #ifdef __SSE2__
 #include <emmintrin.h>
 #endif
 
+#include "core/four.h"
 #include "core/parallel.h"
 #include "core/vectorized.h"
 
@@ -163,25 +163,6 @@ void for_each_cell(const CellBits& bits, const Visit& visit) {
     }
 }
 
-using Four [[gnu::vector_size(16)]] = float;
-
-Four load(const float* from) {
-  Four four;
-  std::memcpy(&four, from, sizeof four);
-  return four;
-}
-Four greater_of(Four a, Four b) {
-  return a > b ? a : b;
-}
-Four lesser_of(Four a, Four b) {
-  return a < b ? a : b;
-}
-float least_of(Four v) {
-  return std::min({v[0], v[1], v[2], v[3]});
-}
-float greatest_of(Four v) {
-  return std::max({v[0], v[1], v[2], v[3]});
-}
 float greatest(Four v, int count) {
   float most = 0.0f;
   for (int i = 0; i < count; ++i) most = std::max(most, v[i]);
@@ -234,17 +215,6 @@ ISOSKIN_VECTORIZED void find_bernstein(const float* tap, Coefficients& c) {
   to_bernstein<1>(c);
 }
 
-/// The least and the greatest.
-std::pair<float, float> range(const Coefficients& c) {
-  Four low = load(c.data()), high = low;
-  for (int i = 4; i < 64; i += 4) {
-    const Four four = load(&c[i]);
-    low = lesser_of(low, four);
-    high = greater_of(high, four);
-  }
-  return {least_of(low), greatest_of(high)};
-}
-
 /// Rows of a cell's coefficients along z, index x * 4 + y.
 using CellRows = std::array<Four, kSupport * kSupport>;
 
@@ -285,9 +255,10 @@ void look_closer(const float* tap, const IVec3& cell, int ways, Brick& brick) {
   float slack = 0.0f;
   if (crossed) {
     find_bernstein(first, c);
-    const auto [low, high] = range(c);
-    slack = kSlack * std::max(std::abs(low), std::abs(high));
-    crossed = low <= slack && high >= -slack;
+    Extremes of(load(c.data()));
+    of.add(c.data(), static_cast<int>(c.size()));
+    slack = kSlack * std::max(std::abs(of.low()), std::abs(of.high()));
+    crossed = of.low() <= slack && of.high() >= -slack;
   }
   if (!crossed) {
     brick.crossed[cell.x] &= ~bit;
@@ -296,14 +267,11 @@ void look_closer(const float* tap, const IVec3& cell, int ways, Brick& brick) {
   const std::array<CellRows, 3> slope = slopes(c);
   for (int w = 0; w < ways; w += 2) {
     const Vec3 along(kDirections[w / 2]);
-    Four least = along.x * slope[0][0] + along.y * slope[1][0] + along.z * slope[2][0], most = least;
-    for (int r = 1; r < 16; ++r) {
-      const Four sum = along.x * slope[0][r] + along.y * slope[1][r] + along.z * slope[2][r];
-      least = lesser_of(least, sum);
-      most = greater_of(most, sum);
-    }
-    if (least_of(least) > slack) brick.way[w][cell.x] |= bit;
-    if (greatest_of(most) < -slack) brick.way[w + 1][cell.x] |= bit;
+    const auto sum = [&](int r) { return along.x * slope[0][r] + along.y * slope[1][r] + along.z * slope[2][r]; };
+    Extremes of(sum(0));
+    for (int r = 1; r < 16; ++r) of.add(sum(r));
+    if (of.low() > slack) brick.way[w][cell.x] |= bit;
+    if (of.high() < -slack) brick.way[w + 1][cell.x] |= bit;
   }
 }
 
