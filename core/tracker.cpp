@@ -47,17 +47,6 @@ double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
   return area;
 }
 
-void copy_mesh(const TriangleMesh& from, TriangleMesh& to) {
-  copy_column(from.vertex, to.vertex);
-  copy_column(from.twin, to.twin);
-  copy_column(from.vertices.position, to.vertices.position);
-  copy_column(from.vertices.rest, to.vertices.rest);
-  copy_column(from.vertices.velocity, to.vertices.velocity);
-  copy_column(from.vertices.id, to.vertices.id);
-  copy_column(from.vertices.age, to.vertices.age);
-  to.next_id = from.next_id;
-}
-
 /// How many are in all three; `some` ascending, perhaps repeating.
 std::size_t count_in_all(const IdSet& a, const IdSet& b, std::vector<Index> some) {
   some.erase(std::unique(some.begin(), some.end()), some.end());
@@ -462,14 +451,17 @@ void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
   const std::vector<Index> stale = indices_where(mesh_.vertex_count(), [&](Index v) {
     return changes->moved[v] || (!changed.empty() && changed.contains(DVec3(mesh_.position(v))));
   });
-  std::vector<Vec3> normals(mesh_.vertex_count()), position;
-  for_each_index(normals.size(), [&](std::size_t v) {
-    if (!changes->moved[v]) normals[v] = normals_[changes->vertex_before[v]];
-  });
+  if (!changes->lost.empty() || !changes->added.empty()) {
+    std::vector<Vec3> normals(mesh_.vertex_count());
+    for_each_index(normals.size(), [&](std::size_t v) {
+      if (!changes->moved[v]) normals[v] = normals_[changes->vertex_before[v]];
+    });
+    normals_ = std::move(normals);
+  }
+  std::vector<Vec3> position;
   for (const Index v : stale) position.push_back(mesh_.position(v));
   const std::vector<Vec3> fresh = outward_normals(position, *backend_);
-  for (std::size_t i = 0; i < stale.size(); ++i) normals[stale[i]] = fresh[i];
-  normals_ = std::move(normals);
+  for (std::size_t i = 0; i < stale.size(); ++i) normals_[stale[i]] = fresh[i];
 }
 
 void Tracker::certify(Evidence& evidence, FrameReport& report) {

@@ -14,14 +14,16 @@ MeshPart::MeshPart(const TriangleMesh& mesh, Index first_new, int rings)
   std::vector<std::uint8_t> inside(mesh.vertex_count());
   for_each_index(inside.size(), [&](std::size_t v) { inside[v] = mesh.vertices.id[v] >= first_new; });
   for (int ring = 0; ring < rings; ++ring) {
-    const std::vector<Index> leaving =
-        indices_where(mesh.vertex.size(), [&](Index h) { return inside[mesh.from(h)] && !inside[mesh.to(h)]; });
-    for (const Index h : leaving) {
-      if (inside[mesh.to(h)]) continue;
-      inside[mesh.to(h)] = 1;
-      const Index id = mesh.vertices.id[mesh.to(h)];
-      ring_[id / 64] |= std::uint64_t(1) << id % 64;
-    }
+    const std::vector<Index> about = indices_where(mesh.triangle_count(), [&](Index t) {
+      const int corners = inside[mesh.vertex[3 * t]] + inside[mesh.vertex[3 * t + 1]] + inside[mesh.vertex[3 * t + 2]];
+      return corners == 1 || corners == 2;
+    });
+    for (const Index t : about)
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+        if (std::exchange(inside[mesh.vertex[h]], 1)) continue;
+        const Index id = mesh.vertices.id[mesh.vertex[h]];
+        ring_[id / 64] |= std::uint64_t(1) << id % 64;
+      }
   }
 }
 

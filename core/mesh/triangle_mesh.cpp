@@ -288,6 +288,17 @@ double SolidSum::volume() const {
   return six / 6.0;
 }
 
+void copy_mesh(const TriangleMesh& from, TriangleMesh& to) {
+  copy_column(from.vertex, to.vertex);
+  copy_column(from.twin, to.twin);
+  copy_column(from.vertices.position, to.vertices.position);
+  copy_column(from.vertices.rest, to.vertices.rest);
+  copy_column(from.vertices.velocity, to.vertices.velocity);
+  copy_column(from.vertices.id, to.vertices.id);
+  copy_column(from.vertices.age, to.vertices.age);
+  to.next_id = from.next_id;
+}
+
 TriangleMesh submesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& keep) {
   if (keep.size() != mesh.triangle_count())
     throw std::invalid_argument(

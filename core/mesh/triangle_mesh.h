@@ -99,6 +99,9 @@ struct MeshPieces {
 };
 MeshPieces mesh_pieces(const TriangleMesh& mesh);
 
+/// to = from in parallel, to where there is memory already.
+void copy_mesh(const TriangleMesh& from, TriangleMesh& to);
+
 /// Keeps the triangles t with keep[t] != 0, drops unused vertices, renumbers both in order and relinks. Every kept set
 /// must be a union of whole pieces (else throws std::invalid_argument through link_twins).
 TriangleMesh submesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& keep);

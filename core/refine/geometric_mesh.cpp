@@ -58,7 +58,7 @@ public:
       if (report_.fillings == 0) report_.hidden = hidden.size();
       const bool many = report_.fillings < 2 && kFew * hidden.size() > report_.hidden;
       if (hidden.empty() || (!left_out && !many)) return;
-      if (!skin_) skin_ = mechanical_;
+      copy_skin();
       if (!far_) far_.emplace(field_, lattice_, tolerance_);
       const Index first_new = skin_->next_id;
       const PlaceFillingReport done =
@@ -77,7 +77,7 @@ public:
     const Span span("untangle");
     std::vector<Crossing> crossings = find_crossings();
     if (crossings.empty()) return;
-    if (!skin_) skin_ = mechanical_;
+    copy_skin();
     const FieldChanges none;
     const std::vector<Vec3> wrong = kept_.wrong_.farther_than(tolerance_);
     Tangles tangles(*skin_);
@@ -116,6 +116,11 @@ public:
   }
 
 private:
+  /// Before it is changed.
+  void copy_skin() {
+    if (!skin_) copy_mesh(mechanical_, skin_.emplace());
+  }
+
   std::vector<Vec3> hidden_places() const {
     std::vector<Vec3> hidden = kept_.wrong_.farther_than(options_.hidden_corner * tolerance_);
     const std::vector<Vec3> strays = kept_.refined_.strays();

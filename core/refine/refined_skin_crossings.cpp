@@ -35,21 +35,23 @@ bool overlap(const FlatBox& a, const FlatBox& b) {
 /// Some cells of a grid, by hash: what is not marked has no box in it.
 class MarkedCells {
 public:
-  MarkedCells(const std::vector<FlatBox>& boxes, const std::vector<Index>& marking) {
+  template <class BoxOf>
+  MarkedCells(const BoxOf& box_of, const std::vector<Index>& marking) {
     constexpr std::size_t kCellsABox = 64;  // so that few others share a hash
     constexpr float kFinest = 1e-6f;        // of the coordinates: finer cells cannot be counted
     float widest = std::numeric_limits<float>::min();
     for (const Index t : marking) {
-      all_ = {glm::min(all_.low, boxes[t].low), glm::max(all_.high, boxes[t].high)};
-      const Vec3 size = boxes[t].high - boxes[t].low;
+      const FlatBox box = box_of(t);
+      all_ = {glm::min(all_.low, box.low), glm::max(all_.high, box.high)};
+      const Vec3 size = box.high - box.low;
       widest = std::max({widest, size.x, size.y, size.z});
       for (int k = 0; k < 3; ++k)
-        widest = std::max({widest, kFinest * std::abs(boxes[t].low[k]), kFinest * std::abs(boxes[t].high[k])});
+        widest = std::max({widest, kFinest * std::abs(box.low[k]), kFinest * std::abs(box.high[k])});
     }
     width_ = widest;
     marked_.assign(std::bit_ceil(kCellsABox * (marking.size() + 1)), 0);
     for (const Index t : marking)
-      any_cell(boxes[t], [&](std::uint8_t& cell) {
+      any_cell(box_of(t), [&](std::uint8_t& cell) {
         cell = 1;
         return false;
       });
@@ -81,12 +83,13 @@ private:
   std::vector<std::uint8_t> marked_;
 };
 
-/// The boxes that may touch a fresh one, fresh ones too; ascending.
-std::vector<Index> near_fresh(const std::vector<FlatBox>& boxes, const std::vector<std::uint8_t>& fresh) {
+/// Those whose boxes may touch that of a fresh one, fresh ones too; ascending.
+template <class BoxOf>
+std::vector<Index> near_fresh(const BoxOf& box_of, const std::vector<std::uint8_t>& fresh) {
   const std::vector<Index> list = indices_where(fresh.size(), [&](Index t) { return fresh[t] != 0; });
   const bool most = 2 * list.size() > fresh.size();
-  MarkedCells cells(boxes, most ? std::vector<Index>() : list);
-  return indices_where(boxes.size(), [&](Index t) { return most || fresh[t] || cells.reach(boxes[t]); });
+  MarkedCells cells(box_of, most ? std::vector<Index>() : list);
+  return indices_where(fresh.size(), [&](Index t) { return most || fresh[t] || cells.reach(box_of(t)); });
 }
 
 }  // namespace
@@ -176,9 +179,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   const Span span("crossings");
   if (std::find(fresh.begin(), fresh.end(), 1) == fresh.end()) return {};
   const auto flat = [&](Index t) { return FlatBox{bounds(t).low, bounds(t).high}; };
-  std::vector<FlatBox> boxes(fresh.size());
-  for_each_index(boxes.size(), [&](std::size_t t) { boxes[t] = flat(Index(t)); });
-  const std::vector<Index> some = near_fresh(boxes, fresh);
+  const std::vector<Index> some = near_fresh(flat, fresh);
   const auto vertex = [&](Index c, int k) { return geometric_.mesh.vertex[3 * c + Index(k)]; };
   const auto share = [&](Index c, Index d) {
     for (int i = 0; i < 3; ++i)
@@ -240,8 +241,8 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
     const Index t = some[i];
     if (fresh[t] && child(t).count > 1 && !plain_about(Index(i), Index(i))) look_at(t);
   });
-  for (std::size_t i = 0; i < some.size(); ++i) boxes[i] = boxes[some[i]];  // ascending
-  boxes.resize(some.size());
+  std::vector<FlatBox> boxes(some.size());
+  for_each_index(some.size(), [&](std::size_t i) { boxes[i] = flat(some[i]); });
   near_boxes(boxes, 0.0, [&](const TrianglePair& pair) {
     const Index a = some[pair.a], b = some[pair.b];
     if (!plain_about(pair.a, pair.b) && (fresh[a] || fresh[b])) look(a, b);

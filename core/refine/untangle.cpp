@@ -205,10 +205,9 @@ void mend_seams(TriangleMesh& skin, Index first_new, double fineness, Backend& b
   options.longest = kLongest;
   options.dt = 0.0f;
   options.respect_locks = false;
-  const MeshPart part(skin, first_new, kRings);
-  for (int pass = 0; pass < kPasses; ++pass) alter(skin, options, {}, part.frozen(skin));
-  const std::vector<std::uint8_t> frozen = part.frozen(skin);
-  const std::vector<Index> moved = indices_where(skin.vertex_count(), [&](Index v) { return !frozen[v]; });
+  OpenSet open(skin, MeshPart(skin, first_new, kRings).frozen(skin));
+  for (int pass = 0; pass < kPasses; ++pass) alter(skin, options, {}, std::vector(open.frozen), &open);
+  const std::vector<Index> moved = indices_where(skin.vertex_count(), [&](Index v) { return !open.frozen[v]; });
   std::vector<Vec3> position(moved.size());
   for_each_index(moved.size(), [&](std::size_t i) { position[i] = skin.position(moved[i]); });
   backend.project(position, project, {});

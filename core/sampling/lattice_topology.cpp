@@ -27,11 +27,6 @@ constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 constexpr int kValues = BrickLattice::kValues;
 
-/// The brick of the lattice before that is alike; kNone where there is none.
-Index same_as(const BrickLattice& lattice, const LatticeTopology& before, std::size_t brick) {
-  return before.parts.empty() || lattice.same_as.empty() ? kNone : lattice.same_as[brick];
-}
-
 /// Whether signs tell the shape of such a cell, and it is one loop.
 const std::array<bool, 256>& told_by_signs() {
   static const std::array<bool, 256> told = [] {
@@ -77,24 +72,38 @@ void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& t, s
   t.cells[b] = std::move(cells);
 }
 
-void find_cells_and_crossings(const BrickLattice& lattice, LatticeTopology& before, LatticeTopology& t) {
+/// Per brick what it was; as before it had any, where none is alike. Most keep their numbers, and so their places.
+template <class Item>
+std::vector<Item> taken_over(std::vector<Item> before, const std::vector<Index>& same_as) {
+  std::vector<Item> now;
+  bool in_place = before.size() == same_as.size();
+  for (std::size_t b = 0; b < same_as.size() && in_place; ++b) in_place = same_as[b] == kNone || same_as[b] == b;
+  if (in_place) now = std::move(before);
+  now.resize(same_as.size());
+  for_bricks(same_as.size(), [&](std::size_t b) {
+    if (same_as[b] == kNone)
+      now[b] = Item{};
+    else if (!in_place)
+      now[b] = std::move(before[same_as[b]]);
+  });
+  return now;
+}
+
+/// `same_as`: per brick the one before that is alike, kNone where there is none.
+void find_cells_and_crossings(const BrickLattice& lattice, const std::vector<Index>& same_as, LatticeTopology& before,
+                              LatticeTopology& t) {
   const std::size_t bricks = lattice.brick_count();
-  t.crossings.resize(bricks);
-  t.cells.resize(bricks);
+  t.crossings = taken_over(std::move(before.crossings), same_as);
+  t.cells = taken_over(std::move(before.cells), same_as);
+  t.signs = taken_over(std::move(before.signs), same_as);
   t.upper.resize(bricks);
-  t.signs.resize(bricks);
   for_bricks(bricks, [&](std::size_t b) {
     for (int i = 0; i < 8; ++i)
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
-    if (const Index old = same_as(lattice, before, b); old != kNone) {
-      t.signs[b] = before.signs[old];
-      t.cells[b] = std::move(before.cells[old]);
-      t.crossings[b] = before.crossings[old];
-    } else {
-      t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
-      if (t.signs[b].mixed()) find_cells_and_crossings(lattice, t, b);
-    }
+    if (same_as[b] != kNone) return;
+    t.signs[b] = BrickSigns(&lattice.value[b * kValues]);
+    if (t.signs[b].mixed()) find_cells_and_crossings(lattice, t, b);
   });
   for (BrickCrossings& c : t.crossings) {
     c.first = t.crossing_count;
@@ -342,26 +351,23 @@ private:
 };
 
 /// Whether all that PartFinder asks of a brick, its upper neighbours' crossings included, is as it was for brick `old`.
-bool parts_stay(const BrickLattice& lattice, const LatticeTopology& before, const LatticeTopology& t, std::size_t brick,
-                Index old) {
+bool parts_stay(const std::vector<Index>& same_as, const LatticeTopology& before, const LatticeTopology& t,
+                std::size_t brick, Index old) {
   for (int i = 0; i < 8; ++i) {
     const Index neighbour = t.upper[brick][i], was = before.upper[old][i];
-    if (neighbour == kNone ? was != kNone : same_as(lattice, before, neighbour) != was || was == kNone) return false;
+    if (neighbour == kNone ? was != kNone : same_as[neighbour] != was || was == kNone) return false;
   }
   return true;
 }
 
-void find_parts(const BrickLattice& lattice, LatticeTopology& before, LatticeTopology& t) {
-  t.parts.resize(lattice.brick_count());
+void find_parts(const BrickLattice& lattice, const std::vector<Index>& same_as, LatticeTopology& before,
+                LatticeTopology& t) {
+  t.parts = taken_over(std::move(before.parts), same_as);
   tbb::enumerable_thread_specific<PartFinder> finder;
   for_bricks(t.parts.size(), [&](std::size_t b) {
     if (!t.signs[b].mixed()) return;
-    const Index old = same_as(lattice, before, b);
-    if (old == kNone || !parts_stay(lattice, before, t, b, old)) {
+    if (same_as[b] == kNone || !parts_stay(same_as, before, t, b, same_as[b]))
       t.parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
-      return;
-    }
-    t.parts[b] = std::move(before.parts[old]);
   });
 }
 
@@ -401,6 +407,7 @@ void join_parts(const BrickLattice& lattice, LatticeTopology& t) {
       if (t.upper[b][i] != kNone) join_single(t, sets, b, i);
   });
   t.part_piece.resize(t.first_part.back());
+  const double cell = std::pow(lattice.spacing, 3);
   for (std::size_t b = 0; b < bricks.size(); ++b)
     for (Index k = 0; k < bricks[b].part.size(); ++k) {
       const Index at = t.first_part[b] + k, root = sets.root(at);  // no later than the part itself
@@ -414,7 +421,7 @@ void join_parts(const BrickLattice& lattice, LatticeTopology& t) {
       const BrickParts::Part& part = bricks[b].part[k];
       const DVec3 offset(kCells * (lattice.coordinate[b] - lattice.coordinate.front()));
       t.euler[p] += part.euler;
-      t.volume[p] += (part.volume + glm::dot(offset, DVec3(part.faces)) / 3.0) * std::pow(lattice.spacing, 3);
+      t.volume[p] += (part.volume + glm::dot(offset, DVec3(part.faces)) / 3.0) * cell;
       t.box[p].add(part.box);
     }
 }
@@ -443,9 +450,11 @@ Index LatticeTopology::crossing_piece(Index brick, IVec3 corner, int axis) const
 }
 
 LatticeTopology lattice_topology(const BrickLattice& lattice, LatticeTopology before) {
+  const bool goes_on = !before.parts.empty() && !lattice.same_as.empty();
+  const std::vector<Index> same_as = goes_on ? lattice.same_as : std::vector<Index>(lattice.brick_count(), kNone);
   LatticeTopology t;
-  find_cells_and_crossings(lattice, before, t);
-  find_parts(lattice, before, t);
+  find_cells_and_crossings(lattice, same_as, before, t);
+  find_parts(lattice, same_as, before, t);
   join_parts(lattice, t);
   return t;
 }

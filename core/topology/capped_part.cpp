@@ -77,6 +77,27 @@ std::vector<std::uint8_t> mark_edge(const CappedPart& part, int rings) {
   return edge;
 }
 
+/// What is gone from the whole, and the vertices that nothing has any more: all about them is of the part.
+RemovedRows rows_removed(const CappedPart& part, const TriangleMesh& now, const PartChanges& changes) {
+  RemovedRows rows;
+  for (const Index t : changes.gone) rows.triangle.push_back(part.triangle[t]);
+  std::vector<std::uint8_t> used(part.mesh.vertex_count(), 0);
+  auto gone = changes.gone.begin();
+  for (Index t = 0; t < part.mesh.triangle_count(); ++t) {
+    if (gone != changes.gone.end() && *gone == t) {
+      ++gone;
+      continue;
+    }
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) used[part.mesh.vertex[h]] = 1;
+  }
+  for (const Index t : changes.fresh)
+    for (Index h = 3 * t; h < 3 * t + 3; ++h)
+      if (const Index v = changes.vertex[now.vertex[h]]; v != kNone) used[v] = 1;
+  for (Index v = 0; v < part.vertex.size(); ++v)
+    if (!used[v]) rows.vertex.push_back(part.vertex[v]);
+  return rows;
+}
+
 }  // namespace
 
 CappedPart cut_out(const TriangleMesh& whole, std::vector<Index> triangles, int rings) {
@@ -139,6 +160,7 @@ PartChanges changes_of(const CappedPart& part, const TriangleMesh& now, Index fi
 }
 
 void put_back(const CappedPart& part, const TriangleMesh& now, const PartChanges& changes, TriangleMesh& whole) {
+  const RemovedRows removed = rows_removed(part, now, changes);
   for (const Index t : changes.gone)
     for (Index h = 3 * part.triangle[t]; h < 3 * part.triangle[t] + 3; ++h) whole.vertex[h] = whole.twin[h] = kNone;
   std::vector<Index> number(now.vertex_count(), kNone), fresh_vertices, triangle(now.triangle_count(), kNone);
@@ -177,7 +199,7 @@ void put_back(const CappedPart& part, const TriangleMesh& now, const PartChanges
       whole.twin[h] = other;
       whole.twin[other] = h;
     }
-  compact(whole);
+  remove_rows(whole, removed);
 }
 
 }  // namespace isoskin

@@ -289,9 +289,11 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
 void merge_critical_points(std::vector<CriticalPoint>& points, double distance) {
   std::vector<Index> all(points.size());
   std::iota(all.begin(), all.end(), Index(0));
+  const std::vector<Index> first = one_of_each(all, distance, [&](Index k) { return points[k].position; });
+  if (first == all) return;
   std::vector<CriticalPoint> kept;
-  for (const Index i : one_of_each(std::move(all), distance, [&](Index k) { return points[k].position; }))
-    kept.push_back(points[i]);
+  kept.reserve(first.size());
+  for (const Index i : first) kept.push_back(points[i]);
   points = std::move(kept);
 }
 

@@ -80,14 +80,18 @@ CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const 
 /// Where the paths lead.
 std::vector<CriticalPoint> points_after(const std::vector<CriticalPath>& paths, const Field& field,
                                         const CriticalOptions& options) {
-  std::vector<CriticalPoint> all(paths.size()), points;
-  for_each_index(paths.size(), [&](std::size_t i) {
-    const CriticalPath& path = paths[i];
-    if (!path.exists_after()) return;
-    all[i] = path.still ? path.last : describe_critical_point(field, path.last.position, options);
+  std::vector<CriticalPoint> points;
+  std::vector<Index> moved;  // among them
+  points.reserve(paths.size());
+  for (const CriticalPath& path : paths) {
+    if (!path.exists_after()) continue;
+    if (!path.still) moved.push_back(Index(points.size()));
+    points.push_back(path.last);
+  }
+  for_each_index(moved.size(), [&](std::size_t i) {
+    CriticalPoint& point = points[moved[i]];
+    point = describe_critical_point(field, point.position, options);
   });
-  for (std::size_t i = 0; i < paths.size(); ++i)
-    if (paths[i].exists_after()) points.push_back(all[i]);
   return points;
 }
 
