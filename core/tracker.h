@@ -146,6 +146,8 @@ public:
   const TriangleMesh& mechanical() const { return mesh_; }
   const std::vector<Vec3>& mechanical_normals() const { return normals_; }
   const GeometricMesh& geometric() const { return geometric_.mesh(); }
+  /// Triangles of the mechanical mesh, or of its copies, that the last frame refined.
+  std::size_t refined_triangles() const { return geometric_.refined_triangles(); }
   const std::vector<LedgerEntry>& ledger() const { return ledger_; }  // of the last frame
   /// Where the last field's critical points are, once they are tracked (from the second frame of a skeleton on).
   std::optional<std::vector<DVec3>> critical_points() const;
@@ -221,6 +223,7 @@ private:
   double time_ = 0.0;           // of the last frame
   bool started_ = false;
   bool goes_on_ = false;            // this frame's lattice was made from the last one's
+  bool stands_still_ = false;       // and is that, since the field is the same
   bool material_is_known_ = false;  // a velocity grid tells it; else it moves with the vertices
   TriangleMesh mesh_, predicted_;   // the other: as it was before it was relaxed
   std::vector<Vec3> normals_;

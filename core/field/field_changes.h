@@ -14,6 +14,8 @@ struct FieldChanges {
   std::vector<Box> box;
   // Devices count from elsewhere: where the fields are the same, what is computed on them may be rounded otherwise.
   bool rounded_anew = false;
+
+  bool none() const { return !everywhere && !rounded_anew && box.empty(); }
 };
 
 /// Compares two moments of a field. Grids of one placement and interpolation: cubes of four voxels whose taps differ.

@@ -24,6 +24,8 @@ struct MeshChanges {
   std::vector<Index> lost, added;    // vertices of the copy and of the mesh without one in the other, ascending
   std::vector<Index> gone, fresh;    // triangles of the copy and of the mesh that are not triangles of the other with
                                      // their vertices in the same places, ascending
+
+  bool none() const { return lost.empty() && added.empty() && gone.empty() && fresh.empty(); }
 };
 
 /// Edits keep what they leave in order, and so the two are walked through once, side by side; where the order is

@@ -142,7 +142,7 @@ void WrongCorners::look(const TriangleMesh& mesh, const Field& field, const Bric
 void WrongCorners::update(const RefinedSkin& skin, const Field& field, const FieldChanges* changes,
                           const BrickLattice& lattice, const LatticeTopology& topology, double least) {
   const auto& changed = skin.changed();
-  const bool still = changes && !changes->everywhere && !changes->rounded_anew && changes->box.empty();
+  const bool still = changes && changes->none();
   const bool goes_on = known_ && changed && changes && !changes->everywhere && !changes->rounded_anew &&
                        (still || lattice.same_as.size() == lattice.brick_count());
   if (goes_on && still && changed->empty()) return;

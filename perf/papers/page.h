@@ -44,7 +44,7 @@ void add_skin_figures(Page& page);      // Nesme-Bouthors 2006, figures 1, 2, 9,
 void add_fluid_figures(Page& page);     // Bouthors-Nesme 2007, figures 11 and 12; the others are the report's
 void add_critical_figures(Page& page);  // Rumiano 2007, figures 9 to 12
 void add_rumiano(Page& page);           // Rumiano 2007, these, figure 13 and edge swaps
-void add_local(Page& page);             // its last remark, after all else
+void add_local(Page& page);             // the last remark of section 4.2, after all else
 void add_skins(Page& page);             // Nesme-Bouthors 2006 tables 2 and 3, Bouthors-Nesme 2007 table 2
 
 }  // namespace isoskin::papers

@@ -168,69 +168,7 @@ void add_projected(Page& page) {
   page.add("\n");
 }
 
-/// Metaballs on a lattice, each of which touches its neighbours; the first `moving` drift.
-std::shared_ptr<const Field> lattice_of_balls(int count, int moving, int frame) {
-  constexpr double kApart = 0.8, kDrift = 0.01;
-  const int across = int(std::ceil(std::cbrt(double(count))));
-  std::vector<SkeletonElement> balls{std::size_t(count)};
-  for (int i = 0; i < count; ++i) {
-    SkeletonElement& ball = balls[std::size_t(i)];
-    ball.a = kApart * DVec3(i % across, i / across % across, i / (across * across));
-    if (i < moving) ball.a.x -= kDrift * frame;
-    ball.b = ball.a;
-    ball.radius = 0.6;
-  }
-  return std::make_shared<SkeletonField>(std::move(balls), 0.2);
-}
-
-void add_local_row(Page& page, int count, int moving) {
-  constexpr int kFrames = 7, kStart = 3;  // skin needs some frames to fall asleep
-  TrackOptions options;
-  options.edge_length = 0.12;
-  options.sagitta = 0.0;
-  options = resolved(options, *lattice_of_balls(count, moving, 0));
-  Tracker tracker(make_opencl_backend(), options);
-  std::map<std::string, std::vector<double>> steps;
-  std::vector<double> total, awake;
-  std::size_t triangles = 0;
-  bool certified = true;
-  for (int frame = 0; frame <= kStart + kFrames; ++frame) {
-    const FrameReport report = tracker.advance({frame, 0.04 * frame, lattice_of_balls(count, moving, frame), nullptr});
-    triangles = report.mechanical_triangles;
-    certified = certified && report.certified;
-    if (frame <= kStart) continue;
-    double sum = 0.0;
-    for (const auto& [name, ms] : report.ms) {
-      steps[name].push_back(ms);
-      if (name != "total") sum += ms;
-    }
-    total.push_back(sum);
-    const std::vector<std::uint8_t> asleep = sleeping(tracker.mechanical().vertices, options.sleep);  // none: empty
-    const std::size_t vertices = tracker.mechanical().vertices.size();
-    awake.push_back(100.0 * (1.0 - double(std::ranges::count(asleep, 1)) / double(vertices)));
-  }
-  const auto ms = [&](const char* name) { return steps.contains(name) ? perf::median(steps[name]) : 0.0; };
-  page.add("| {} | {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {} |\n", count, moving, triangles,
-           perf::median(awake), perf::median(total), ms("alter"), ms("relax") + ms("project"), ms("certify"),
-           ms("refine"), certified ? "all" : "not all");
-}
-
 }  // namespace
-
-void add_local(Page& page) {
-  page.add(
-      "### Section 4.2's last remark: update only what the moving element influences\n\n"
-      "Metaballs on a lattice; none, one or all of them move. Skin where the field stands still sleeps: the search for "
-      "critical points, *predict*, *alter*, *relax*, *certify* and *refine* work on what is awake, and *refine* goes "
-      "on from the last frame's triangles and fills hidden places where they are. What still takes all of the skin "
-      "copies "
-      "it or looks it over. Medians of 7 frames, ms:\n\n"
-      "| metaballs | moving | triangles | awake, % | frame | alter | relax | certify | refine | certified |\n"
-      "|---|---|---|---|---|---|---|---|---|---|\n");
-  for (const int moving : {0, 1, 6, 60}) add_local_row(page, 60, moving);
-  for (const int moving : {0, 1, 10, 100, 1000}) add_local_row(page, 1000, moving);
-  page.add("\n");
-}
 
 void add_rumiano(Page& page) {
   page.add("## Rumiano 2007\n\n");
