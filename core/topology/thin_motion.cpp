@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/parallel.h"
+#include "core/topology/point_grid.h"
 
 namespace isoskin {
 namespace {
@@ -68,22 +69,30 @@ ThinMotion::ThinMotion(const TriangleMesh& mesh, std::span<const CriticalPath> p
     lies_on.push_back(stays ? &before : &after);
   }
   if (parts_.empty()) return;
-  constexpr double kOnIt = 0.02;  // of e
+  constexpr double kOnIt = 0.02, kSlack = 0.01;  // of e
+  std::vector<Vec3> center;
+  double reach = 0.0;
+  for (const Part& p : parts_) {
+    center.emplace_back(p.before.center);
+    reach = std::max(reach, std::hypot(p.half_length, p.radius));
+  }
+  const PointGrid centers(center, float(reach + kSlack * options.edge_length));
   std::vector<Index> part(mesh.vertex_count(), kNone);
   for_each_index(part.size(), [&](std::size_t v) {
     double least = std::numeric_limits<double>::infinity();
-    for (Index i = 0; i < parts_.size(); ++i) {
+    centers.near(mesh.position(Index(v)), [&](Index i, float) {
       const Passage& passage = parts_[i].before;
       const DVec3 d = DVec3(mesh.position(Index(v))) - passage.center;
-      const double along = glm::dot(d, passage.axis);
-      const bool in = std::abs(along) <= parts_[i].half_length &&
-                      glm::length(d - along * passage.axis) <= parts_[i].radius && glm::length(d) < least;
-      if (!in) continue;
+      const double along = glm::dot(d, passage.axis), off = glm::length(d);
+      const bool in =
+          std::abs(along) <= parts_[i].half_length && glm::length(d - along * passage.axis) <= parts_[i].radius;
+      const bool nearer = off < least || (off == least && i < part[v]);
+      if (!in || !nearer) return;
       const auto wall = settled(passage, d, *lies_on[i]);
-      if (!wall || glm::distance(*wall, d) > kOnIt * options.edge_length) continue;  // of another wall
-      least = glm::length(d);
+      if (!wall || glm::distance(*wall, d) > kOnIt * options.edge_length) return;  // of another wall
+      least = off;
       part[v] = i;
-    }
+    });
   });
   for (Index v = 0; v < part.size(); ++v) {
     if (part[v] == kNone) continue;
