@@ -57,10 +57,11 @@ void settle(TriangleMesh& mesh, Backend& backend, AlterOptions alter_options, Re
   }
 }
 
-/// A freshly extracted surface and what became of it; ids of extracted vertices run from `first_id`.
+/// What is remembered of a freshly extracted surface, which settles in place: beside it, it would be the most memory
+/// that a run takes. Ids of extracted vertices run from `first_id`.
 struct Extracted {
-  TriangleMesh raw;
-  std::vector<Index> piece_of_vertex;  // of raw: its lattice piece
+  std::vector<Index> piece_of_vertex;  // the lattice piece
+  std::vector<double> volume;          // what its triangles enclose, by lattice piece; 0 where none were extracted
   Index first_id = 0;
 };
 
@@ -69,7 +70,7 @@ std::vector<Index> origin_of_pieces(const TriangleMesh& settled, const MeshPiece
   std::vector<Index> origin(pieces.count(), kNone);
   for (std::size_t v = 0; v < settled.vertex_count(); ++v) {
     const Index extracted_vertex = settled.vertices.id[v] - extracted.first_id;
-    if (extracted_vertex < extracted.raw.vertex_count() && pieces.of_vertex[v] != kNone)
+    if (extracted_vertex < extracted.piece_of_vertex.size() && pieces.of_vertex[v] != kNone)
       origin[pieces.of_vertex[v]] = extracted.piece_of_vertex[extracted_vertex];
   }
   return origin;
@@ -82,12 +83,13 @@ std::vector<Box> boxes_of_pieces(const TriangleMesh& mesh, const MeshPieces& pie
   return out;
 }
 
-/// What the extracted triangles enclose, by lattice piece; 0 where none were extracted.
-std::vector<double> extracted_volumes(const Extracted& extracted, std::size_t lattice_pieces) {
-  const MeshPieces raw = mesh_pieces(extracted.raw);
+/// Extracted::volume.
+std::vector<double> extracted_volumes(const TriangleMesh& raw, const std::vector<Index>& piece_of_vertex,
+                                      std::size_t lattice_pieces) {
+  const MeshPieces pieces = mesh_pieces(raw);
   std::vector<double> volumes(lattice_pieces, 0.0);
-  for (std::size_t v = 0; v < raw.of_vertex.size(); ++v)
-    if (raw.of_vertex[v] != kNone) volumes[extracted.piece_of_vertex[v]] = raw.volume[raw.of_vertex[v]];
+  for (std::size_t v = 0; v < pieces.of_vertex.size(); ++v)
+    if (pieces.of_vertex[v] != kNone) volumes[piece_of_vertex[v]] = pieces.volume[pieces.of_vertex[v]];
   return volumes;
 }
 
@@ -96,17 +98,17 @@ bool contains(const Box& outer, const Box& inner) {
 }
 
 /// Settled pieces where settling went well, the extracted ones where it did not: where a drop folded over, or left its
-/// place for another sheet.
+/// place for another sheet. `extract` makes these once more.
+template <class Extract>
 TriangleMesh best_of_both(TriangleMesh settled, const Extracted& extracted, const LatticeTopology& topology,
-                          double spacing) {
+                          double spacing, const Extract& extract) {
   const MeshPieces pieces = mesh_pieces(settled);
   const std::vector<Index> origin = origin_of_pieces(settled, pieces, extracted);
   const std::vector<Box> boxes = boxes_of_pieces(settled, pieces);
-  const std::vector<double> volumes = extracted_volumes(extracted, topology.piece_count());
   std::vector<std::uint8_t> keep(pieces.count(), 0), taken(topology.piece_count(), 0);
   for (std::size_t p = 0; p < pieces.count(); ++p) {
     if (origin[p] == kNone || taken[origin[p]]) continue;
-    const double share = pieces.volume[p] / volumes[origin[p]];
+    const double share = pieces.volume[p] / extracted.volume[origin[p]];
     const bool same_size = share > kLeastVolume && share < kMostVolume;
     const bool same_place = contains(topology.box[origin[p]].grown(kFarthestDrift * spacing), boxes[p]);
     keep[p] = same_size && same_place && pieces.euler[p] == topology.euler[origin[p]];
@@ -115,12 +117,12 @@ TriangleMesh best_of_both(TriangleMesh settled, const Extracted& extracted, cons
   const bool all = std::all_of(keep.begin(), keep.end(), [](std::uint8_t k) { return k != 0; });
   const auto is_taken = [&](Index piece) { return taken[piece] != 0; };
   if (all && std::all_of(extracted.piece_of_vertex.begin(), extracted.piece_of_vertex.end(), is_taken)) return settled;
-  std::vector<std::uint8_t> raw_triangles(extracted.raw.triangle_count());
-  for_each_index(raw_triangles.size(), [&](std::size_t t) {
-    raw_triangles[t] = !taken[extracted.piece_of_vertex[extracted.raw.vertex[3 * t]]];
-  });
+  const TriangleMesh raw = extract();
+  std::vector<std::uint8_t> raw_triangles(raw.triangle_count());
+  for_each_index(raw_triangles.size(),
+                 [&](std::size_t t) { raw_triangles[t] = !taken[extracted.piece_of_vertex[raw.vertex[3 * t]]]; });
   TriangleMesh out = submesh(settled, triangles_of_pieces(settled, pieces, keep));
-  append(out, submesh(extracted.raw, raw_triangles));
+  append(out, submesh(raw, raw_triangles));
   return out;
 }
 
@@ -142,11 +144,12 @@ RepairReport reextract(TriangleMesh& mesh, const MeshPieces& pieces, const Certi
   if (report.pieces_extracted > 0) {
     Extracted extracted;
     extracted.first_id = mesh.next_id;
-    extracted.raw = marching_cubes(lattice, topology, wanted, mesh.next_id, &extracted.piece_of_vertex);
-    fresh = extracted.raw;
+    fresh = marching_cubes(lattice, topology, wanted, mesh.next_id, &extracted.piece_of_vertex);
+    extracted.volume = extracted_volumes(fresh, extracted.piece_of_vertex, topology.piece_count());
     project_extracted(fresh, lattice.spacing, backend, project);
     if (options.coarsening > 0.0f) settle(fresh, backend, alter, relax, project, options);
-    fresh = best_of_both(std::move(fresh), extracted, topology, lattice.spacing);
+    const auto extract_again = [&] { return marching_cubes(lattice, topology, wanted, mesh.next_id); };
+    fresh = best_of_both(std::move(fresh), extracted, topology, lattice.spacing, extract_again);
     fresh.vertices.rest = fresh.vertices.position;
     std::fill(fresh.vertices.velocity.begin(), fresh.vertices.velocity.end(), Vec3(0.0f));
     std::fill(fresh.vertices.age.begin(), fresh.vertices.age.end(), Index{0});
