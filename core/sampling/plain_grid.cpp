@@ -14,7 +14,7 @@
 #endif
 
 #include "core/four.h"
-#include "core/parallel.h"
+#include "core/sampling/surface_bricks.h"
 #include "core/vectorized.h"
 
 namespace isoskin {
@@ -293,7 +293,7 @@ bool is_plain(const float* tap) {
 std::optional<IVec3> find_rough(const BrickGrid& grid, const ChangeMask* only) {
   const std::vector<IVec3>& bricks = grid.brick_coordinate;
   std::atomic<std::size_t> rough{bricks.size()};
-  for_each_index(bricks.size(), [&](std::size_t b) {
+  sampling::for_bricks(bricks.size(), [&](std::size_t b) {
     if (rough.load(std::memory_order_relaxed) != bricks.size()) return;
     const DVec3 low = grid.origin + grid.h * DVec3(kCells * bricks[b]);
     if (only && !only->overlaps({low, low + grid.h * double(kCells)})) return;
