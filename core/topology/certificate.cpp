@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 
 #include "core/topology/match.h"
 
@@ -73,15 +74,20 @@ std::string Certificate::summary() const {
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
                     const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory,
                     std::optional<MeshChanges> changes) {
-  const SideReport sides =
-      check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory, std::move(changes));
+  SideReport sides;
+  std::vector<Cluster> clusters;
+  tbb::parallel_invoke(
+      [&] {
+        sides = check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory, std::move(changes));
+      },
+      [&] { clusters = match_pieces(mesh, pieces, lattice, topology, options.least_piece); });
   Certificate certificate;
   certificate.corners_checked = sides.checked;
   certificate.wrong_side = sides.wrong;
   certificate.mesh_piece.assign(pieces.count(), Fault::none);
   certificate.lattice_piece.assign(topology.piece_count(), Fault::none);
   certificate.passed = sides.wrong == 0;
-  for (const Cluster& cluster : match_pieces(mesh, pieces, lattice, topology, options.least_piece)) {
+  for (const Cluster& cluster : clusters) {
     const bool wrong_side =
         std::any_of(cluster.mesh.begin(), cluster.mesh.end(), [&](Index p) { return sides.mesh_piece[p]; }) ||
         std::any_of(cluster.lattice.begin(), cluster.lattice.end(), [&](Index p) { return sides.lattice_piece[p]; });
