@@ -437,7 +437,7 @@ Index RefinedSkin::new_slot() {
   child_.emplace_back();
   fresh_.emplace_back();
   bounds_.emplace_back();
-  if (!counted_.empty()) counted_.push_back(0);
+  if (!counted_.empty()) counted_.emplace_back();
   return Index(child_.size() - 1);
 }
 

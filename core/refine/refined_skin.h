@@ -118,7 +118,9 @@ private:
   mutable bool ordered_ = true, carried_ = true, normals_replaced_ = true;
   mutable std::vector<Index> without_normal_;  // rows where the gradient vanishes, once their normals are replaced
   mutable ShapeSums shape_;
-  mutable std::vector<std::uint8_t> counted_;  // per slot: whether its children are among them; empty until asked for
+  // Per slot: what its children have added to them, nothing where they are not among them; empty until asked for.
+  mutable std::vector<ShapeSums::Sum> counted_;
+  mutable std::vector<std::uint16_t> angle_step_;  // per row of triangles that are among them
 
   VertexTable skin_;  // its vertices, without positions
   Index skin_next_id_ = 0;

@@ -3,6 +3,8 @@
 #include <numeric>
 #include <utility>
 
+#include <tbb/parallel_for.h>
+
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/refine/refined_skin.h"
@@ -41,6 +43,7 @@ void RefinedSkin::put_in_order() const {
   out.normal.resize(all);
   out.parent_edge.resize(all);
   out.mesh.vertices.resize(all);
+  std::vector<std::uint16_t> angle_step(angle_step_.empty() ? 0 : children);
   const auto move_vertex = [&](Index to, Index from) {
     const auto [a, b] = geometric_.parent_edge[from];
     out.mesh.vertices.position[to] = position(from);
@@ -55,6 +58,7 @@ void RefinedSkin::put_in_order() const {
     for (Index k = 0; k < child[s].count; ++k) {
       const Index to = child[s].first + k, from = child_[s].first + k;
       out.parent_triangle[to] = Index(t);
+      if (!angle_step.empty()) angle_step[to] = from < angle_step_.size() ? angle_step_[from] : 0;
       for (Index h = 0; h < 3; ++h) {
         const Index twin = geometric_.mesh.twin[3 * from + h];
         out.mesh.vertex[3 * to + h] = vertex_at[geometric_.mesh.vertex[3 * from + h]];
@@ -63,6 +67,7 @@ void RefinedSkin::put_in_order() const {
     }
   });
   geometric_ = std::move(out);
+  angle_step_ = std::move(angle_step);
   birth_ = std::move(birth);
   child_ = std::move(child);
   fresh_ = std::move(fresh);
@@ -103,24 +108,37 @@ std::array<Vec3, 3> RefinedSkin::corners(Index child) const {
   return {position(v[0]), position(v[1]), position(v[2])};
 }
 
+/// Counts what the triangles' children add up to, or takes back what has been counted.
 void RefinedSkin::count_shapes(const std::vector<Index>& triangles, int times) const {
   if (counted_.empty()) return;
-  constexpr std::size_t kBlock = 1024;
-  const std::uint8_t counted = times > 0;
-  const std::vector<Index> children = collect(triangles.size(), kBlock, [&](Index i, std::vector<Index>& list) {
-    const Index slot = slot_[triangles[i]];
-    if (std::exchange(counted_[slot], counted) == counted) return;
-    for (Index c = child_[slot].first; c < child_[slot].first + child_[slot].count; ++c) list.push_back(c);
+  constexpr std::size_t kBlock = 128;
+  angle_step_.resize(geometric_.parent_triangle.size());
+  const auto count_children = [&](Index slot) {
+    ShapeSums::Sum& sum = counted_[slot];
+    const Rows child = child_[slot];
+    for (Index c = child.first; c < child.first + child.count; ++c) {
+      if (times > 0) sum.add(shape_.of(corners(c), angle_step_[c]));
+      shape_.count(angle_step_[c], times);
+    }
+    return times > 0 ? sum : std::exchange(sum, {});
+  };
+  tbb::parallel_for(std::size_t(0), (triangles.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+    ShapeSums::Sum sum;
+    for (std::size_t i = block * kBlock; i < std::min(triangles.size(), (block + 1) * kBlock); ++i) {
+      const Index slot = slot_[triangles[i]];
+      const bool counted = counted_[slot].triangles > 0;
+      if (counted != (times > 0)) sum.add(count_children(slot));
+    }
+    shape_.count(sum, times);
   });
-  shape_.count(geometric_.mesh.vertex, geometric_.mesh.vertices.position, children, times);
 }
 
 ShapeStatistics RefinedSkin::statistics() const {
   if (counted_.empty()) {
-    counted_.assign(child_.size(), 0);
+    counted_.assign(child_.size(), {});
     shape_ = ShapeSums(unit_);
   }
-  count_shapes(indices_where(slot_.size(), [&](Index t) { return counted_[slot_[t]] == 0; }), 1);
+  count_shapes(indices_where(slot_.size(), [&](Index t) { return counted_[slot_[t]].triangles == 0; }), 1);
   return shape_.statistics();
 }
 

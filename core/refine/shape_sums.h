@@ -19,6 +19,17 @@ public:
   /// From the mesh that was copied to this one.
   void update(const MeshCopy& before, const TriangleMesh& mesh, const MeshChanges& changes);
 
+  /// What some triangles add up to but for their angles' steps: 2^-30 degrees, units, squared units.
+  struct Sum {
+    std::int64_t angles = 0, edges = 0, area = 0, below_10 = 0, triangles = 0;
+    void add(const Sum& other);
+  };
+  /// Of one; `step`: its angle's, see ShapeTally.
+  Sum of(const std::array<Vec3, 3>& corner, std::uint16_t& step) const;
+  /// Count what of() told `times` (1 or -1) times. Both may run in parallel.
+  void count(const Sum& sum, int times);
+  void count(std::uint16_t step, int times) { tally_.count(step, times); }
+
   /// Counts some triangles `times` (1 or -1) times; `vertex`: three a triangle.
   void count(const std::vector<Index>& vertex, const std::vector<Vec3>& position, const std::vector<Index>& triangles,
              int times);
@@ -34,8 +45,7 @@ private:
 
   ShapeTally tally_;
   double unit_ = 1.0;
-  std::int64_t angles_ = 0, edges_ = 0, area_ = 0;  // 2^-30 degrees, units, squared units
-  std::int64_t below_10_ = 0, triangles_ = 0;
+  Sum sum_;
 };
 
 }  // namespace isoskin
