@@ -8,6 +8,7 @@
 #include <span>
 
 #include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_reduce.h>
 
 #include "core/parallel.h"
 #include "core/topology/exact_sign.h"
@@ -89,14 +90,29 @@ struct Grid {
 
 Grid make_grid(const std::vector<FlatBox>& box, double margin) {
   constexpr double kTrianglesAcross = 2.0, kMostCells = double(1 << 20);  // along an axis
-  Box all;
-  double extent = 0.0;  // a plain loop: the sum's order is fixed
-  for (const FlatBox& b : box) {
-    all.add(DVec3(b.low));
-    all.add(DVec3(b.high));
-    const DVec3 size = DVec3(b.high) - DVec3(b.low);
-    extent += std::max({size.x, size.y, size.z}) / double(box.size());
-  }
+  constexpr std::size_t kBlock = 4096;
+  struct Part {
+    Box all;
+    double extents = 0.0;
+  };
+  const auto add_boxes = [&](const tbb::blocked_range<std::size_t>& range, Part part) {
+    for (std::size_t i = range.begin(); i != range.end(); ++i) {
+      const DVec3 low(box[i].low), high(box[i].high), size = high - low;
+      part.all.add(low);
+      part.all.add(high);
+      part.extents += std::max({size.x, size.y, size.z});
+    }
+    return part;
+  };
+  const auto join = [](Part a, const Part& b) {
+    a.all.add(b.all);
+    a.extents += b.extents;
+    return a;
+  };
+  const Part whole = tbb::parallel_deterministic_reduce(tbb::blocked_range<std::size_t>(0, box.size(), kBlock), Part{},
+                                                        add_boxes, join);
+  const Box& all = whole.all;
+  const double extent = whole.extents / double(std::max<std::size_t>(1, box.size()));
   Grid grid;
   grid.origin = all.low - margin;
   const DVec3 size = all.size() + 2.0 * margin;
