@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/parallel.h"
+#include "core/topology/annulus.h"
 #include "core/topology/mesh_probe.h"
 #include "core/topology/section_cut.h"
 #include "core/topology/surgery_theatre.h"
@@ -127,14 +128,15 @@ Cut cut_about(const TriangleMesh& mesh, const Theatre& theatre) {
 }
 
 /// Where the cap's tip goes, `side` 1 above the plane, -1 below: on the new surface along the axis. That must be nearer
-/// than the end of the matter that is there now, else all of this matter is about to go and half way to its end does.
+/// than the end of the matter that is there now, else all of this matter is about to go and half way to its end from
+/// the `middle` of the cut does.
 struct Tip {
   DVec3 position{0.0};
   double height = 0.0;  // above the plane, positive on either side
   bool on_surface = false;
 };
 
-Tip tip_on(const TriangleMesh& mesh, const Theatre& theatre, const Section& section, double side) {
+Tip tip_on(const TriangleMesh& mesh, const Theatre& theatre, const DVec3& middle, double side) {
   const DVec3 up = side * theatre.axis_after();
   const auto hits = line_hits(mesh, theatre.site.before.position, side * theatre.axis_before(), theatre.reach());
   const auto end = std::find_if(hits.begin(), hits.end(), [](const LineHit& hit) { return hit.distance > 0.0; });
@@ -143,14 +145,25 @@ Tip tip_on(const TriangleMesh& mesh, const Theatre& theatre, const Section& sect
   const auto distance = open ? theatre.surface_along(up) : std::nullopt;
   if (distance && *distance < matter) return {theatre.site.after.position + *distance * up, *distance, true};
   const double height = std::min(theatre.options.fall_back_ring * theatre.e(), 0.5 * matter);
-  return {middle_of(section) + height * up, height, false};
+  return {middle + height * up, height, false};
+}
+
+/// Whether the section goes round the plane's origin, or passes it within `distance`.
+bool is_about(const Section& section, const Plane& plane, double distance) {
+  const std::vector<DVec3>& points = section.point;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const DVec3 p = points[k] - plane.origin, d = points[(k + 1) % points.size()] - points[k];
+    const double length2 = glm::dot(d, d), t = length2 > 0.0 ? std::clamp(-glm::dot(p, d) / length2, 0.0, 1.0) : 0.0;
+    if (glm::length(p + t * d) < distance) return true;
+  }
+  return winding(section, plane) != 0;
 }
 
 /// Takes the cap's fan about the vertex `tip_id` farther out, over the stump that the new surface leaves behind:
-/// triangles with a corner less than `height` from the plane on this side, not farther from the axis than the section
-/// and as much again as the height.
-void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, Index tip_id, double side, double height,
-               double section_radius, SurgeryReport& report) {
+/// triangles with a corner less than `height` from the plane on this side that lies, seen along the axis, within the
+/// section or no farther beside it than the height. A tunnel may be a long slit.
+void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, const Section& section, Index tip_id,
+               double side, double height, SurgeryReport& report) {
   const auto& ids = mesh.vertices.id;
   const Index tip = Index(std::find(ids.begin(), ids.end(), tip_id) - ids.begin());
   std::vector<Index> fan;
@@ -163,7 +176,8 @@ void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, I
       const DVec3 x = DVec3(mesh.position(mesh.vertex[h])) - plane.origin;
       const double above = glm::dot(x, plane.normal);
       if (glm::length(x) > theatre.reach()) return false;
-      left |= side * above < height && glm::length(x - above * plane.normal) < section_radius + height;
+      left |=
+          side * above < height && is_about(section, {plane.origin + x - above * plane.normal, plane.normal}, height);
     }
     return left;
   });
@@ -176,22 +190,46 @@ void widen_cap(TriangleMesh& mesh, const Theatre& theatre, const Plane& plane, I
   report.triangles_added += patch.triangles_added();
 }
 
+/// Where the skin round the critical point is crumpled, or hangs over into what lies beside it, no plane goes round it:
+/// all that is about the point is taken away, and the borders left are closed.
+SurgeryReport sever_crumpled(TriangleMesh& mesh, const Theatre& theatre) {
+  constexpr double kNearest = 0.5, kFarthest = 3.0, kStep = 0.25;  // of e
+  std::vector<double> radii;
+  for (double radius = kNearest; radius <= kFarthest; radius += kStep) radii.push_back(radius * theatre.e());
+  const auto annulus =
+      annulus_about(mesh, {theatre.site.before.position, theatre.axis_before()}, int(theatre.matter), radii);
+  if (!annulus) return refused("no ring of triangles goes around the critical point");
+  MeshPatch patch(mesh);
+  patch.remove(annulus->triangle);
+  for (const double side : {1.0, -1.0}) {
+    std::vector<Index> around;
+    DVec3 sum(0.0);
+    for (const Index h : annulus->border[side < 0.0]) {
+      around.push_back(mesh.from(h));
+      sum += DVec3(mesh.position(mesh.from(h)));
+    }
+    const Tip tip = tip_on(mesh, theatre, sum / double(around.size()), side);
+    const Index centre = patch.add_vertex(tip.position, around);
+    for (const Index h : annulus->border[side < 0.0]) patch.add_triangle(mesh.from(h), mesh.to(h), centre);
+  }
+  return applied(mesh, patch);
+}
+
 }  // namespace
 
 SurgeryReport sever(TriangleMesh& mesh, const Theatre& theatre) {
   const auto [plane, section, straight] = cut_about(mesh, theatre);
-  if (section.halfedge.empty()) return refused("no ring of triangles goes around the critical point");
+  if (section.halfedge.empty()) return sever_crumpled(mesh, theatre);
   MeshPatch patch(mesh);
-  const Tip tip[2] = {tip_on(mesh, theatre, section, 1.0), tip_on(mesh, theatre, section, -1.0)};
+  const Tip tip[2] = {tip_on(mesh, theatre, middle_of(section), 1.0), tip_on(mesh, theatre, middle_of(section), -1.0)};
   const auto [high, low] = cut_and_cap(mesh, patch, section, tip[0].position, tip[1].position);
   const Index high_id = mesh.next_id + high - Index(mesh.vertex_count());
   const Index low_id = mesh.next_id + low - Index(mesh.vertex_count());
   SurgeryReport report = applied(mesh, patch);
   if (!report) return report;
   if (!straight) return report;  // the caps are large already
-  const double radius = farthest(section, plane.origin);
-  if (tip[0].on_surface) widen_cap(mesh, theatre, plane, high_id, 1.0, tip[0].height, radius, report);
-  if (tip[1].on_surface) widen_cap(mesh, theatre, plane, low_id, -1.0, tip[1].height, radius, report);
+  if (tip[0].on_surface) widen_cap(mesh, theatre, plane, section, high_id, 1.0, tip[0].height, report);
+  if (tip[1].on_surface) widen_cap(mesh, theatre, plane, section, low_id, -1.0, tip[1].height, report);
   return report;
 }
 
