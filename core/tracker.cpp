@@ -174,6 +174,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
     backend_->set_field(frame.field);
     wake_up(frame);
   }
+  note_start(frame);
   operate(frame, report);
   Evidence evidence = sample(frame, report);
   OpenSet open = move(frame, evidence, report);
@@ -186,6 +187,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   look_closer(frame, evidence, report);
   if (may_have_flaps && !evidence.certificate.passed)
     fold_in_flaps(moves ? predicted_ : mesh_, frame, evidence, report);
+  follow_in_parts(frame, evidence, report);
   handle_events(frame, evidence, report);
   {
     Step step(report, "predict");
@@ -306,6 +308,7 @@ void Tracker::relax(OpenSet open, FrameReport& report) {
     Step step(report, "relax");
     relaxed = relax_but(open, follow);
   }
+  unfold_skin(open, relaxed, report);
   report.inverted = std::size_t(std::count(relaxed.inverted.begin(), relaxed.inverted.end(), 1));
   report.quasi_critical = std::size_t(std::count(relaxed.quasi_critical.begin(), relaxed.quasi_critical.end(), 1));
   keep_awake(relaxed);

@@ -50,6 +50,7 @@ struct TrackOptions {
                                   // 0.0027 e at 18 degrees, else as the square of the angle
   int rounds = 2;                 // alter + relax rounds of a frame
   int most_parts = 8;             // parts a frame is cut in where topology events are too near to each other
+  std::vector<int> parts{2, 4};   // a frame of a skeleton that fails is followed once more in so many parts, in turn
   Topology topology = Topology::automatic;
   bool self_intersections = false;  // count the mechanical mesh's too
   bool validate = false;            // check the manifold after every frame (always on in debug builds)
@@ -181,7 +182,8 @@ private:
   void report_survivors(const std::vector<Index>& before, Index first_new, const std::optional<MeshChanges>& changes,
                         FrameReport& report) const;
   void wake_up(const FieldFrame& frame);
-  void operate(const FieldFrame& frame, FrameReport& report);
+  void note_start(const FieldFrame& frame);
+  void operate(const FieldFrame& frame, FrameReport& report, int parts = 1);
   EventPlan plan_events(const std::shared_ptr<const Field>& field, FrameReport& report);
   Operated operated_on(const EventPlan& plan, FrameReport& report);
   void take_over(Operated operated, EventPlan plan, const FieldFrame& frame, FrameReport& report);
@@ -190,10 +192,12 @@ private:
   OpenSet awake() const;
   OpenSet move(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void fold_in_flaps(TriangleMesh predicted, const FieldFrame& frame, Evidence& evidence, FrameReport& report);
+  void follow_in_parts(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);
   void relax(OpenSet awake, FrameReport& report);
+  void unfold_skin(const OpenSet& open, Relaxed& relaxed, FrameReport& report);
   Relaxed relax_but(const OpenSet& open, const RelaxOptions& how);
   Relaxed relax_whole(const RelaxOptions& how);
   std::vector<std::uint8_t> held_vertices(const OpenSet& open) const;
@@ -201,6 +205,7 @@ private:
   ThinMotion thin_motion(const Field& field) const;
   std::vector<std::uint8_t> folded_in(const OpenSet& open);
   void keep_awake(const Relaxed& relaxed);
+  void look_at(std::shared_ptr<const Field> field, Evidence& evidence, FrameReport& report);
   void look_closer(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void handle_events(const FieldFrame& frame, Evidence& evidence, FrameReport& report);
   void update_normals(const std::optional<MeshChanges>& changes);
@@ -232,6 +237,8 @@ private:
   std::vector<LedgerEntry> ledger_;
   std::vector<Index> inherited_;          // ids that vertices of new skin have taken over in this frame
   CriticalState critical_;                // of the last field, where it has second derivatives
+  TriangleMesh start_;                    // the mesh at the frame's start, and where it can be operated on
+  CriticalState critical_at_start_;       // the critical points then
   std::shared_ptr<const Field> lies_on_;  // the mesh, before it moves to the frame's field
   std::vector<CriticalPath> paths_;       // of critical points from that field to the frame's
 };

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/frame_step.h"
+#include "core/refine/untangle.h"
 #include "core/topology/clear_of_zero.h"
 #include "core/topology/collisions.h"
 #include "core/topology/droplets.h"
@@ -14,9 +15,37 @@
 
 namespace isoskin {
 
+/// What follow_in_parts() goes back to.
+void Tracker::note_start(const FieldFrame& frame) {
+  critical_at_start_ = {};
+  const bool in_parts = started_ && options_.topology != Topology::collision && has_critical_points(*frame.field);
+  const bool changes = changes_.everywhere || !changes_.box.empty();
+  if (!in_parts || !changes || critical_.field != last_field_) return;
+  copy_mesh(mesh_, start_);
+  critical_at_start_ = critical_;
+}
+
+/// Where the skin did not keep up with the surface, it starts once more and follows the field in more and more parts.
+void Tracker::follow_in_parts(const FieldFrame& frame, Evidence& evidence, FrameReport& report) {
+  for (const int parts : options_.parts) {
+    if (evidence.certificate.passed || !critical_at_start_.field) return;
+    copy_mesh(start_, mesh_);
+    critical_ = critical_at_start_;
+    report.reextracted[0] = 0.0;
+    operate(frame, report, parts);
+    if (evidence.field != frame.field) look_at(frame.field, evidence, report);
+    OpenSet open = move(frame, evidence, report);
+    copy_mesh(mesh_, predicted_);
+    relax(std::move(open), report);
+    certify(evidence, report);
+    look_closer(frame, evidence, report);
+    if (!evidence.certificate.passed) fold_in_flaps(predicted_, frame, evidence, report);
+  }
+}
+
 /// Tier 1, while the mesh still lies on the last frame's surface. Events too near to each other are kept apart: the
-/// skin follows the field to a moment between them first.
-void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
+/// skin follows the field to a moment between them first. And it does so for each of `parts` of the frame.
+void Tracker::operate(const FieldFrame& frame, FrameReport& report, int parts) {
   ledger_.clear();
   paths_.clear();
   const bool wanted = options_.topology != Topology::collision;
@@ -31,19 +60,23 @@ void Tracker::operate(const FieldFrame& frame, FrameReport& report) {
     critical_ = start_critical_points(mesh_, last_field_, *backend_, options);
     backend_->set_field(frame.field);
   }
+  const int most_parts = parts > 1 ? options_.most_parts + parts : options_.most_parts;
+  double reached = 0.0;  // of the frame
   for (int part = 1;; ++part) {
     EventPlan plan = plan_events(frame.field, report);
     std::optional<double> cut = time_between_events(plan, options);
+    const double left = (1.0 - reached) * parts;
+    if (left > 1.0 + options.shortest_part) cut = std::min(cut.value_or(1.0), 1.0 / left);
     Operated operated;
     if (!cut) {
       operated = operated_on(plan, report);
       cut = time_before_refusal(plan, operated.report, options);
-    } else if (part == options_.most_parts) {
+    } else if (part == most_parts) {
       operated = operated_on(plan, report);
     }
-    const auto between =
-        cut && part < options_.most_parts ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
+    const auto between = cut && part < most_parts ? field_between(*critical_.field, *frame.field, *cut) : nullptr;
     if (!between) return take_over(std::move(operated), std::move(plan), frame, report);
+    reached += *cut * (1.0 - reached);
     backend_->set_field(between);
     wake(mesh_.vertices, ChangeMask({true, {}}, 0.0));  // between two moments a field may be anything
     EventPlan first = plan_events(between, report);
@@ -161,15 +194,30 @@ void Tracker::look_closer(const FieldFrame& frame, Evidence& evidence, FrameRepo
   clear.length = options_.lattice_spacing;
   const std::shared_ptr<const Field> wider = clear_of_zero(*frame.field, critical_.points, clear);
   if (!wider) return;
-  {
-    Step step(report, "certify");
-    backend_->set_field(wider);
-    evidence.field = wider;
-    evidence.lattice = sample_lattice(*wider, *backend_, options_.lattice_spacing);
-    evidence.topology = lattice_topology(evidence.lattice);
-    backend_->set_field(frame.field);
-  }
+  backend_->set_field(wider);
+  look_at(wider, evidence, report);
+  backend_->set_field(frame.field);
   certify(evidence, report);
+}
+
+/// The backend holds the field.
+void Tracker::look_at(std::shared_ptr<const Field> field, Evidence& evidence, FrameReport& report) {
+  Step step(report, "certify");
+  evidence.lattice = sample_lattice(*field, *backend_, options_.lattice_spacing);
+  evidence.topology = lattice_topology(evidence.lattice);
+  evidence.field = std::move(field);
+}
+
+/// Skin of skeletons that has folded while it was relaxed; grids leave folds to the repairs.
+void Tracker::unfold_skin(const OpenSet& open, Relaxed& relaxed, FrameReport& report) {
+  Step step(report, "relax");
+  if (!last_field_ || last_field_->resolution() != 0.0) return;
+  if (!unfold(mesh_, open, *backend_, options_.project)) return;
+  const OpenPart part = open_part(mesh_, open.all() ? std::vector<std::uint8_t>(mesh_.vertex_count()) : open.frozen);
+  std::vector<std::uint8_t> inverted(part.triangle.size());
+  backend_->set_mesh(part.mesh);
+  backend_->inverted_triangles(inverted);
+  for (std::size_t i = 0; i < inverted.size(); ++i) relaxed.inverted[part.triangle[i]] = inverted[i];
 }
 
 }  // namespace isoskin

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "core/counter_random.h"
 #include "core/field/skeleton_field.h"
 #include "core/io/ply.h"
 #include "core/io/scene.h"
@@ -375,7 +376,7 @@ TEST(Tracker, SelfIntersectionsAreCountedInBothMeshes) {
     const FieldFrame moment = scene.source->load(frame);
     if (!tracker) {
       TrackOptions options;
-      options.edge_length = 0.28;  // too long for so many small balls: skins that belong apart overlap
+      options.edge_length = 0.5;  // too long for so many small balls: skins that belong apart overlap
       options.sagitta = 0.0;
       options.self_intersections = true;
       tracker = std::make_unique<Tracker>(make_opencl_backend(), resolved(options, *moment.field));
@@ -419,6 +420,43 @@ double resolved_edge_length(double given, const Field& field) {
   TrackOptions options;
   options.edge_length = given;
   return resolved(options, field).edge_length;
+}
+
+/// Frames of balls that wander at random, repaired locally or extracted anew.
+int repaired_frames(unsigned seed, std::vector<int> parts) {
+  constexpr int kBalls = 14, kFrames = 16;
+  const auto field_at = [&](int frame) {
+    std::vector<SkeletonElement> balls(kBalls);
+    for (unsigned i = 0; i < kBalls; ++i) {
+      const DVec3 from = counter_point(seed, 2 * i), to = counter_point(seed, 2 * i + 1);
+      balls[i].a = balls[i].b = DVec3(3.0, 2.0, 2.0) * glm::mix(from, to, double(frame) / kFrames);
+      balls[i].radius = 0.7;
+    }
+    return std::make_shared<SkeletonField>(balls, 0.2);
+  };
+  TrackOptions options;
+  options.parts = std::move(parts);
+  options.refine.passes = 0;
+  options.validate = true;
+  Tracker tracker(make_opencl_backend(), resolved(options, *field_at(0)));
+  int repaired = 0;
+  for (int i = 0; i < kFrames; ++i) {
+    const FrameReport report = tracker.advance(frame_of(field_at(i), i));
+    EXPECT_TRUE(report.certified);
+    repaired += i > 0 && report.repairs > 0;
+  }
+  return repaired;
+}
+
+TEST(Tracker, FramesThatFailAreFollowedInParts) {
+  int without = 0, with = 0;
+  for (const unsigned seed : {0u, 2u}) {
+    without += repaired_frames(seed, {});
+    with += repaired_frames(seed, {2, 4});
+  }
+  RecordProperty("without", without);
+  RecordProperty("with", with);
+  EXPECT_LT(with, without);
 }
 
 TEST(Tracker, AbsurdEdgeLengthsAreRefused) {

@@ -124,4 +124,7 @@ struct ShapeStatistics {
 };
 ShapeStatistics shape_statistics(const TriangleMesh& mesh);
 
+/// to = from, into the memory that `to` has. Parallel.
+void copy_mesh(const TriangleMesh& from, TriangleMesh& to);
+
 }  // namespace isoskin

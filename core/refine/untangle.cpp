@@ -12,8 +12,40 @@
 #include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/topology/point_grid.h"
+#include "core/topology/triangle_pairs.h"
 
 namespace isoskin {
+namespace {
+
+/// Of triangles of the skin itself, as its own only children.
+std::vector<Crossing> crossings_of(const TriangleMesh& skin, const OpenSet& open) {
+  std::vector<Crossing> crossings;
+  if (open.all()) {
+    for (const TrianglePair& pair : overlapping_pairs(skin)) crossings.push_back({pair.a, 0, pair.b, 0});
+    return crossings;
+  }
+  std::vector<FlatBox> box(open.triangle.size());
+  for_each_index(box.size(), [&](std::size_t i) { box[i] = box_of(corners_of(skin, open.triangle[i])); });
+  const auto overlap = [&](const TrianglePair& pair) {
+    const Index a = open.triangle[pair.a], b = open.triangle[pair.b];
+    return !share_a_vertex(skin, a, b) && triangles_overlap(corners_of(skin, a), corners_of(skin, b));
+  };
+  for (const TrianglePair& pair : near_boxes(box, 0.0, overlap))
+    crossings.push_back({open.triangle[pair.a], 0, open.triangle[pair.b], 0});
+  return crossings;
+}
+
+}  // namespace
+
+bool unfold(TriangleMesh& skin, const OpenSet& open, Backend& backend, const ProjectOptions& project) {
+  constexpr int kRounds = 3;
+  std::vector<Crossing> crossings = crossings_of(skin, open);
+  if (crossings.empty()) return false;
+  Tangles tangles(skin);
+  for (int round = 0; round < kRounds && tangles.smooth(skin, crossings, backend, project); ++round)
+    crossings = tangles.take_back(skin, crossings_of(skin, open));
+  return true;
+}
 
 bool Tangles::smooth(TriangleMesh& skin, const std::vector<Crossing>& crossings, Backend& backend,
                      const ProjectOptions& project) {

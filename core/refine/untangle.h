@@ -9,6 +9,7 @@
 
 #include "core/backend.h"
 #include "core/disjoint_sets.h"
+#include "core/mesh/mesh_part.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/refine/refined_skin.h"
 
@@ -71,6 +72,10 @@ private:
   std::vector<Moved> moved_;              // all that have been, by vertex
   bool took_back_ = false;
 };
+
+/// Smooths a skin about those of its `open` triangles that overlap, a few times. Whether anything has moved; vertices
+/// beside what is open may have. The backend must hold the field. Parallel and deterministic.
+bool unfold(TriangleMesh& skin, const OpenSet& open, Backend& backend, const ProjectOptions& project);
 
 /// Old and new vertices lie side by side on the seams of what was filled: edges much shorter than `fineness` (world
 /// units) are collapsed, much longer ones split and others flipped about the vertices with ids from `first_new` on, and
