@@ -396,15 +396,4 @@ ShapeStatistics shape_statistics(const TriangleMesh& mesh) {
   return out;
 }
 
-void copy_mesh(const TriangleMesh& from, TriangleMesh& to) {
-  copy_column(from.vertex, to.vertex);
-  copy_column(from.twin, to.twin);
-  copy_column(from.vertices.position, to.vertices.position);
-  copy_column(from.vertices.rest, to.vertices.rest);
-  copy_column(from.vertices.velocity, to.vertices.velocity);
-  copy_column(from.vertices.id, to.vertices.id);
-  copy_column(from.vertices.age, to.vertices.age);
-  to.next_id = from.next_id;
-}
-
 }  // namespace isoskin

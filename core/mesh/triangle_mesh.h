@@ -124,7 +124,4 @@ struct ShapeStatistics {
 };
 ShapeStatistics shape_statistics(const TriangleMesh& mesh);
 
-/// to = from, into the memory that `to` has. Parallel.
-void copy_mesh(const TriangleMesh& from, TriangleMesh& to);
-
 }  // namespace isoskin
