@@ -153,6 +153,10 @@ void add_local(Page& page) {
   }
   page.add("\n");
   for (const std::vector<LocalRow>& rows : tables) add_fit(page, rows);
+  page.add(
+      "What a line begins with, beyond a frame at rest, are looks over the whole skin for what has changed, and steps "
+      "too "
+      "small for all threads.\n\n");
 }
 
 }  // namespace isoskin::papers
