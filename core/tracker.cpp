@@ -21,11 +21,9 @@
 #include "core/sampling/plain_grid.h"
 #include "core/sampling/sampling_steps.h"
 #include "core/topology/bad_sites.h"
-#include "core/topology/crumples.h"
 #include "core/topology/droplets.h"
 #include "core/topology/inherit_ids.h"
-#include "core/topology/match.h"
-#include "core/topology/necks.h"
+#include "core/topology/piece_sites.h"
 #include "core/topology/thin_features.h"
 #include "core/topology/triangle_pairs.h"
 #include "core/trace.h"
@@ -62,11 +60,11 @@ std::vector<Box> boxes_of(const TriangleMesh& mesh, const MeshPieces& pieces) {
   return boxes;
 }
 
-std::vector<std::size_t> sizes_of(const MeshPieces& pieces) {
-  std::vector<std::size_t> sizes(pieces.count(), 0);
-  for (const Index piece : pieces.of_vertex)
-    if (piece != kNone) ++sizes[piece];
-  return sizes;
+/// As if their topology differed. Of small ones all would be taken out.
+void doubt_large_pieces(const MeshPieces& pieces, std::size_t small, Certificate& certificate) {
+  const std::vector<std::size_t> sizes = sizes_of(pieces);
+  for (std::size_t p = 0; p < sizes.size(); ++p)
+    if (sizes[p] > small) certificate.mesh_piece[p] = Fault::euler;
 }
 
 /// A line for every piece that failed: removed mesh pieces with their own fault, and lattice pieces without a mesh.
@@ -82,45 +80,6 @@ std::vector<LedgerEntry> ledger_of(const FieldFrame& frame, const TriangleMesh& 
     if (certificate.lattice_piece[p] == Fault::missing)
       entries.push_back({frame.frame, frame.time, name(Fault::missing), 3, topology.box[p].center(), 0, ms});
   return entries;
-}
-
-/// All of a small piece that failed is a bad site: a droplet may lie folded on the surface, where no lattice corner and
-/// no distance gives it away.
-void add_small_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate,
-                      std::size_t most_vertices, BadSites& sites) {
-  const std::vector<std::size_t> sizes = sizes_of(pieces);
-  for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    const Index piece = pieces.of_vertex[v];
-    if (piece != kNone && certificate.mesh_piece[piece] != Fault::none && sizes[piece] <= most_vertices)
-      sites.add(mesh.position(v), true);
-  }
-}
-
-/// What merges pieces may be hidden from every corner of the lattice.
-void add_bridges(const TriangleMesh& mesh, const MeshPieces& pieces, const Certificate& certificate,
-                 const BrickLattice& lattice, const LatticeTopology& topology, BadSites& sites) {
-  std::vector<std::uint8_t> merged(mesh.vertex_count());
-  for (Index v = 0; v < merged.size(); ++v)
-    merged[v] = pieces.of_vertex[v] != kNone && certificate.mesh_piece[pieces.of_vertex[v]] == Fault::merged;
-  for (const Index v : vertices_between_pieces(mesh, merged, lattice, topology)) sites.add(mesh.position(v), false);
-}
-
-/// Where a piece with another topology is one triangle around, a handle or neck may be that no lattice corner tells of.
-void add_necks(const TriangleMesh& mesh, const std::vector<std::uint8_t>& failed, BadSites& sites) {
-  const std::vector<std::uint8_t> neck = neck_vertices(mesh, failed);
-  for (Index v = 0; v < neck.size(); ++v)
-    if (neck[v]) sites.add(mesh.position(v), false, true);
-}
-
-/// Skin crumpled up in many layers lies on the surface everywhere, so nothing else tells; left alone it grows, and no
-/// seam fits about it.
-void add_crumples(const TriangleMesh& mesh, double edge_length, Backend& backend, BadSites& sites) {
-  const std::vector<std::uint8_t> folded = folded_triangles(mesh, outward_normals(mesh.vertices.position, backend));
-  for (const Index t : crumpled_triangles(mesh, folded, float(edge_length))) {
-    Vec3 sum(0.0f);
-    for (Index h = 3 * t; h < 3 * t + 3; ++h) sum += mesh.position(mesh.vertex[h]);
-    sites.add(sum / 3.0f, true);
-  }
 }
 
 /// While new skin settles, the field stands still, and nothing has to wait for the next frame.
@@ -438,9 +397,11 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   const Index first_new = mesh_.next_id;
   inherited_.clear();
   GrowingFilling filling(evidence.lattice, evidence.topology, *backend_);
-  for (const ReskinTry& how : options_.repairs) {
-    if (evidence.certificate.passed) break;
-    if (reskin(frame, evidence, how, filling, report)) certify(evidence, report);
+  repair(frame, evidence, filling, report);
+  const bool may_tear = started_ && frame.field->resolution() > 0.0;  // critical points tell where skeletons do
+  if (may_tear && reskin(frame, evidence, {.spare_sound = true, .widened = 0.6, .astray = true}, filling, report)) {
+    certify(evidence, report);
+    repair(frame, evidence, filling, report);
   }
   std::sort(inherited_.begin(), inherited_.end());
   if (report.repairs > 0) report.reextracted[1] = share_renewed(first_new);
@@ -451,6 +412,14 @@ void Tracker::handle_events(const FieldFrame& frame, Evidence& evidence, FrameRe
   report.certified = evidence.certificate.passed;
   report.events = ledger_.size();
   update_normals(evidence.sides.changes);
+}
+
+/// Local repairs, until the certificate passes.
+void Tracker::repair(const FieldFrame& frame, Evidence& evidence, GrowingFilling& filling, FrameReport& report) {
+  for (const ReskinTry& how : options_.repairs) {
+    if (evidence.certificate.passed) return;
+    if (reskin(frame, evidence, how, filling, report)) certify(evidence, report);
+  }
 }
 
 /// Only where vertices or the field have changed.
@@ -513,7 +482,7 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   reskin_options.edge_length = options_.edge_length;
   reskin_options.replace_all = how.replace_all;
   reskin_options.suspects_only = how.suspects_only;
-  reskin_options.spare_sound = !how.replace_all;
+  reskin_options.spare_sound = how.spare_sound;
   reskin_options.radius *= how.widened;
   if (how.suspects_only) reskin_options.narrow.rounds = 0;
   reskin_options.alter = unlocked_and_still(options_.alter);
@@ -521,7 +490,9 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   const std::size_t before = mesh_.vertex_count();
   const Index first_new = mesh_.next_id;
   const VertexTable old = mesh_.vertices;
-  const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, evidence.certificate, sites, evidence.lattice,
+  Certificate certificate = evidence.certificate;
+  if (how.astray) doubt_large_pieces(evidence.pieces, options_.small_piece, certificate);
+  const ReskinReport done = isoskin::reskin(mesh_, evidence.pieces, certificate, sites, evidence.lattice,
                                             evidence.topology, *backend_, reskin_options, &filling);
   if (done.triangles_added == 0 && done.triangles_removed == 0) return false;
   report.repairs += 1;
@@ -539,6 +510,13 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
 BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const {
   const std::vector<std::uint8_t> failed = failed_vertices(evidence.pieces, evidence.certificate);
   BadSites sites;
+  if (how.astray) {
+    std::vector<std::uint8_t> awake(mesh_.vertex_count(), 1);
+    const std::vector<std::uint8_t> asleep = sleeping(mesh_.vertices, options_.sleep);
+    for (std::size_t v = 0; v < asleep.size(); ++v) awake[v] = !asleep[v];
+    add_astray(mesh_, awake, *backend_, options_.project, options_.astray * options_.edge_length, sites);
+    return sites;
+  }
   if (how.tiles) {
     add_tiles(mesh_, failed, *how.tiles, options_.edge_length, sites);
     return sites;

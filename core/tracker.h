@@ -34,11 +34,14 @@ enum class Topology {
 /// One of the local repairs that are tried in turn until the certificate passes.
 struct ReskinTry {
   bool suspects_only = false;  // see ReskinOptions
+  bool spare_sound = false;    // see ReskinOptions
   bool replace_all = false;    // see ReskinOptions
   bool as_extracted = false;   // new skin is left as the lattice has it: neither coarsened nor settled
   double widened = 1.0;        // the radius about a bad site, in those of ReskinOptions
   // All of the pieces whose topology differs is asked, tile by tile, and nothing else.
   std::optional<Tiles> tiles = std::nullopt;
+  // Asked is all skin from whose triangles no surface is found, on pieces that passed too, and nothing else.
+  bool astray = false;
 };
 
 struct TrackOptions {
@@ -63,14 +66,17 @@ struct TrackOptions {
   SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
   BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
   ReskinOptions reskin;    // local repair; edge_length and alter are filled in
-  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; then
-  // farther and farther about whatever looks odd; at last as the lattice has it, spikes thinner than e and all.
-  std::vector<ReskinTry> repairs{{.suspects_only = true, .widened = 0.3},
-                                 {.suspects_only = true, .widened = 0.6},
+  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; then the
+  // same without sparing sound skin, farther and farther about whatever looks odd; at last as the lattice has it,
+  // spikes thinner than e and all.
+  std::vector<ReskinTry> repairs{{.suspects_only = true, .spare_sound = true, .widened = 0.3},
+                                 {.suspects_only = true, .spare_sound = true, .widened = 0.6},
+                                 {.spare_sound = true, .widened = 0.6},
+                                 {.spare_sound = true, .widened = 0.1, .tiles = Tiles{}},
+                                 {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.shift = 0.333}},
+                                 {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.shift = 0.667}},
+                                 {.spare_sound = true},
                                  {.widened = 0.6},
-                                 {.widened = 0.1, .tiles = Tiles{}},
-                                 {.widened = 0.1, .tiles = Tiles{.shift = 0.333}},
-                                 {.widened = 0.1, .tiles = Tiles{.shift = 0.667}},
                                  {},
                                  {.widened = 1.5},
                                  {.widened = 2.5},
@@ -82,6 +88,7 @@ struct TrackOptions {
                                  {.replace_all = true, .as_extracted = true, .widened = 0.6},
                                  {.replace_all = true, .as_extracted = true, .widened = 1.5}};
   std::size_t small_piece = 100;  // failed pieces of at most so many vertices are replaced whole
+  double astray = 0.5;            // skin whose triangles are farther off the surface is doubted; units of e
   int reskin_rounds = 4;          // relax + alter rounds of the new skin after a local repair
   double inherit = 0.5;           // a vertex of new skin takes over the id of an old one no farther off; units of e
   int reskin_rings = 3;           // old vertices so many edges from the new skin settle with it
@@ -211,6 +218,7 @@ private:
   void update_normals(const std::optional<MeshChanges>& changes);
   void certify(Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
+  void repair(const FieldFrame& frame, Evidence& evidence, GrowingFilling& filling, FrameReport& report);
   bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
               FrameReport& report);
   BadSites sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const;

@@ -356,6 +356,76 @@ TEST(Reskin, LaterTriesSpareSkinThatIsAsItShouldBeToo) {
   EXPECT_LT(report.reextracted[1], 0.01);  // taking out what lies about the bridge's ends made it 0.02
 }
 
+TEST(Reskin, AddsNoPieceAgainWhoseSkinIsSpared) {
+  GoodSkin skin;
+  BadSites sites;
+  for (const Vec3& p : skin.mesh.vertices.position) sites.add(p, true);
+  TriangleMesh mesh = skin.mesh;
+  skin.repair(mesh, sites, false, false, true);
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{2});
+}
+
+TEST(Reskin, FindsTrianglesFromWhichThereIsNoSurface) {
+  GoodSkin skin;
+  damage::Random random(5);
+  const TriangleMesh bridged = damaged(skin.mesh, Damage::false_bridge, random, float(skin.options.edge_length));
+  const auto astray = [&](const TriangleMesh& mesh, bool wanted) {
+    BadSites sites;
+    add_astray(mesh, std::vector<std::uint8_t>(mesh.vertex_count(), wanted), *skin.backend, skin.options.project,
+               0.5 * skin.options.edge_length, sites);
+    return sites.point.size();
+  };
+  EXPECT_EQ(astray(skin.mesh, true), 0u);
+  EXPECT_EQ(astray(bridged, true), 18u);
+  EXPECT_EQ(astray(bridged, false), 0u);
+}
+
+/// A round film of voxels with a hole in it.
+class FilmField final : public Field {
+public:
+  explicit FilmField(const DVec3& hole) : hole_(hole) {}
+
+  FieldSample sample(const DVec3& p) const override {
+    const DVec3 flat(p.x, p.y, 0.0), from_hole = flat - hole_;
+    const FieldSample sheet{0.8 * resolution() - std::abs(p.z), DVec3(0.0, 0.0, p.z > 0.0 ? -1.0 : 1.0)};
+    const FieldSample rim{1.0 - glm::length(flat), -flat / std::max(glm::length(flat), 1e-9)};
+    const FieldSample hole{glm::length(from_hole) - 1.4 * resolution(),
+                           from_hole / std::max(glm::length(from_hole), 1e-9)};
+    const auto& least = rim.value < hole.value ? rim : hole;
+    return sheet.value < least.value ? sheet : least;
+  }
+  Box bounds() const override { return {DVec3(-1.0, -1.0, -resolution()), DVec3(1.0, 1.0, resolution())}; }
+  Interval range(const Box& box) const override {
+    const double value = sample(box.center()).value, half = 0.5 * glm::length(box.high - box.low);
+    return {value - half, value + half};
+  }
+  double resolution() const override { return 1.0 / 15.0; }
+  bool is_c2() const override { return false; }
+
+private:
+  DVec3 hole_;
+};
+
+TEST(Reskin, DoubtsSkinThatStandsOffTheSurfaceThoughSumsAgree) {
+  const auto before = std::make_shared<FilmField>(DVec3(-0.5, 0, 0)),
+             now = std::make_shared<FilmField>(DVec3(0.5, 0, 0));
+  TrackOptions options = resolved({}, *before);
+  options.tolerance = 1.5 * before->resolution();  // no corner in a hole is farther
+  Tracker tracker(make_reference_backend(), options);
+  tracker.advance({1, 0.04, before, nullptr});
+  const FrameReport report = tracker.advance({2, 0.08, now, nullptr});
+  EXPECT_TRUE(report.certified);
+  const TriangleMesh& mesh = tracker.mechanical();
+  EXPECT_TRUE(validate(mesh)) << validate(mesh).reason;
+  EXPECT_EQ(mesh_pieces(mesh).euler, std::vector<int>{0});
+  const auto backend = make_reference_backend();
+  backend->set_field(now);
+  BadSites sites;
+  add_astray(mesh, std::vector<std::uint8_t>(mesh.vertex_count(), 1), *backend, options.project,
+             0.5 * options.edge_length, sites);
+  EXPECT_TRUE(sites.point.empty());
+}
+
 TEST(Reskin, KnowsSkinThatIsAsItShouldBe) {
   GoodSkin skin;
   SoundOptions options;

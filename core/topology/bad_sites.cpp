@@ -197,13 +197,15 @@ struct Samples {
   std::vector<float> value, slope;
 };
 
+Vec3 centroid_of(const TriangleMesh& mesh, std::size_t t) {
+  return (mesh.position(mesh.vertex[3 * t]) + mesh.position(mesh.vertex[3 * t + 1]) +
+          mesh.position(mesh.vertex[3 * t + 2])) /
+         3.0f;
+}
+
 std::vector<Vec3> centroids_of(const TriangleMesh& mesh) {
   std::vector<Vec3> centroids(mesh.triangle_count());
-  tbb::parallel_for(std::size_t(0), centroids.size(), [&](std::size_t t) {
-    centroids[t] = (mesh.position(mesh.vertex[3 * t]) + mesh.position(mesh.vertex[3 * t + 1]) +
-                    mesh.position(mesh.vertex[3 * t + 2])) /
-                   3.0f;
-  });
+  for_each_index(centroids.size(), [&](std::size_t t) { centroids[t] = centroid_of(mesh, t); });
   return centroids;
 }
 
@@ -277,6 +279,22 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
   add_strays(mesh.vertices.position, options.stray_vertex, far, backend, options, sites);
   add_strays(centroids_of(mesh), options.stray_centre, far, backend, options, sites);
   return sites;
+}
+
+void add_astray(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted, Backend& backend,
+                ProjectOptions project, double reach, BadSites& sites) {
+  const std::vector<Index> asked = indices_where(mesh.triangle_count(), [&](Index t) {
+    return wanted[mesh.vertex[3 * t]] || wanted[mesh.vertex[3 * t + 1]] || wanted[mesh.vertex[3 * t + 2]];
+  });
+  std::vector<Vec3> centroids(asked.size());
+  for_each_index(asked.size(), [&](std::size_t i) { centroids[i] = centroid_of(mesh, asked[i]); });
+  std::vector<Vec3> projected = centroids;
+  std::vector<ProjectStatus> status(asked.size());
+  project.reach = float(reach);
+  backend.project(projected, project, status);
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    for (Index h = 3 * asked[i]; status[i] != ProjectStatus::converged && h < 3 * asked[i] + 3; ++h)
+      sites.add(mesh.position(mesh.vertex[h]), false, true);
 }
 
 void add_tiles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted, const Tiles& tiles,

@@ -5,6 +5,7 @@
 
 #include "core/backend.h"
 #include "core/field/field.h"
+#include "core/mechanics/project.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/topology/columns.h"
 
@@ -39,6 +40,11 @@ struct BadSites {
 /// The backend must hold the field, from which the lattice was sampled.
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                         const DifferingBricks& differing, Backend& backend, const BadSiteOptions& options);
+
+/// Adds, as odd sites, the corners of triangles, with wanted != 0 (one byte a vertex) at one of them, from whose
+/// centroid projection finds no surface within `reach` (world units).
+void add_astray(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted, Backend& backend,
+                ProjectOptions project, double reach, BadSites& sites);
 
 /// Cubes side by side that holes are cut to, so that each tells whether the topology differs there: for handles that no
 /// corner of the lattice and no distance gives away.

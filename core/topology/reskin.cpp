@@ -80,13 +80,27 @@ void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
 }
 
 /// Closed pieces of the filling that failed and that no seam has reached: those without a mesh, and those whose mesh
-/// was emptied, near `bad` points. One byte a triangle.
-std::vector<std::uint8_t> whole_pieces(const Filling& filling, const Certificate& certificate, const PointGrid& bad,
+/// was emptied, near `bad` points, so that none of it stays on them (`skin`: the mesh's vertices). One byte a triangle.
+std::vector<std::uint8_t> whole_pieces(const Scene& scene, const Holes& holes, const Filling& filling,
+                                       const PointGrid& bad, const PointGrid& skin,
                                        const std::vector<std::uint8_t>& inside) {
+  constexpr float kAgree = 0.3f;  // cosine between normals
+  const Certificate& certificate = scene.certificate;
   const auto& triangle = filling.surface.triangle;
   const auto piece_of = [&](std::size_t t) { return filling.surface.piece[triangle[3 * t]]; };
   const auto mark = [](std::uint8_t& flag) { std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed); };
-  std::vector<std::uint8_t> broken(certificate.lattice_piece.size()), emptied(broken.size());
+  std::vector<std::uint8_t> broken(certificate.lattice_piece.size()), emptied(broken.size()), covered(broken.size());
+  std::vector<std::uint8_t> stays(scene.mesh.vertex_count(), 1);
+  for (Index h = 0; h < scene.mesh.vertex.size(); ++h)
+    if (holes.of_triangle[h / 3] != kNone) stays[scene.mesh.vertex[h]] = 0;
+  const float reach = seam_reach(scene.lattice.spacing);
+  const auto is_covered = [&](std::size_t f) {
+    bool found = false;
+    skin.near(filling.surface.position[f], [&](Index v, float square) {
+      found |= stays[v] && square <= reach * reach && glm::dot(scene.normals[v], filling.normal[f]) > kAgree;
+    });
+    return found;
+  };
   for_each_index(inside.size(), [&](std::size_t t) {
     const Index* const twin = &filling.twin[3 * t];
     if (inside[t] || twin[0] == kNone || twin[1] == kNone || twin[2] == kNone) mark(broken[piece_of(t)]);
@@ -95,12 +109,14 @@ std::vector<std::uint8_t> whole_pieces(const Filling& filling, const Certificate
     const Index piece = filling.surface.piece[v];
     const bool open = !broken[piece] && certificate.lattice_piece[piece] != Fault::none;
     if (open && bad.any_near(filling.surface.position[v])) mark(emptied[piece]);
+    if (open && is_covered(v)) mark(covered[piece]);
   });
   std::vector<std::uint8_t> whole(inside.size());
   for_each_index(inside.size(), [&](std::size_t t) {
     const Index piece = piece_of(t);
     const Fault fault = certificate.lattice_piece[piece];
-    whole[t] = !broken[piece] && (fault == Fault::missing || (fault != Fault::none && emptied[piece]));
+    whole[t] =
+        !broken[piece] && (fault == Fault::missing || (fault != Fault::none && emptied[piece] && !covered[piece]));
   });
   return whole;
 }
@@ -304,7 +320,7 @@ Misfit misfit(const Scene& scene, const Cut& cut, const Filling& filling, const 
 
 /// What holes that fit become: nothing where their seams failed, or nothing had to be replaced.
 std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, const PointGrid& near_bad,
-                         const PointGrid& near_sure, ReskinReport& report) {
+                         const PointGrid& near_sure, const PointGrid& skin, ReskinReport& report) {
   report = {};
   auto& [holes, snapped, patches] = cut;
   Groups groups(holes, patches, scene.options.alike_only);
@@ -315,7 +331,7 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
 
   std::vector<std::uint8_t> inside(filling.triangle_count());
   for (Index t = 0; t < inside.size(); ++t) inside[t] = patches.of_triangle[t] != kNone;
-  const std::vector<std::uint8_t> whole = whole_pieces(filling, scene.certificate, near_bad, inside);
+  const std::vector<std::uint8_t> whole = whole_pieces(scene, holes, filling, near_bad, skin, inside);
   for (Index t = 0; t < inside.size(); ++t)
     inside[t] = (whole[t] && !scene.options.alike_only) ||
                 (patches.of_triangle[t] != kNone && groups.replaces(patches.of_triangle[t]));
@@ -461,7 +477,7 @@ std::optional<Weld> replace(const Scene& scene, Emptied& emptied, const PointGri
     const bool fits = fit(with, emptied, tried, options.growths - attempt);
     if (fits && options.narrow.rounds > 0 && !options.replace_all && !options.alike_only)
       narrow(with, vertices_near(scene.mesh, scene.failed, near_sure), emptied, tried);
-    if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, report)) return welded;
+    if (auto welded = fill(scene, tried, *filling, emptied.near_bad(), near_sure, skin, report)) return welded;
     if (!fits || report.seams == 0) break;
     std::vector<Index> beside;
     for (const Seam& seam : tried.holes.seams)
