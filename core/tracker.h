@@ -66,9 +66,9 @@ struct TrackOptions {
   SettleOptions settle;    // how a freshly extracted surface becomes near-equilateral
   BadSiteOptions sites;    // where local repairs are made; tolerance is filled in
   ReskinOptions reskin;    // local repair; edge_length and alter are filled in
-  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs; then the
-  // same without sparing sound skin, farther and farther about whatever looks odd; at last as the lattice has it,
-  // spikes thinner than e and all.
+  // Small holes first; then about all that looks odd where the topology differs; then wherever it differs, farther and
+  // farther about whatever looks odd; then the same without sparing sound skin; at last as the lattice has it, spikes
+  // thinner than e and all.
   std::vector<ReskinTry> repairs{{.suspects_only = true, .spare_sound = true, .widened = 0.3},
                                  {.suspects_only = true, .spare_sound = true, .widened = 0.6},
                                  {.spare_sound = true, .widened = 0.6},
@@ -76,12 +76,14 @@ struct TrackOptions {
                                  {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.shift = 0.333}},
                                  {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.shift = 0.667}},
                                  {.spare_sound = true},
+                                 {.spare_sound = true, .widened = 1.5},
+                                 {.spare_sound = true, .widened = 2.5},
+                                 {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.width = 32.0}},
+                                 {.spare_sound = true, .widened = 0.1, .tiles = Tiles{.width = 32.0, .shift = 0.5}},
                                  {.widened = 0.6},
                                  {},
                                  {.widened = 1.5},
                                  {.widened = 2.5},
-                                 {.widened = 0.1, .tiles = Tiles{.width = 32.0}},
-                                 {.widened = 0.1, .tiles = Tiles{.width = 32.0, .shift = 0.5}},
                                  {.replace_all = true},
                                  {.replace_all = true, .widened = 1.5},
                                  {.replace_all = true, .widened = 2.5},
