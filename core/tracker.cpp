@@ -523,8 +523,7 @@ BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, co
   }
   BadSiteOptions bad_options = options_.sites;
   bad_options.tolerance = options_.tolerance;
-  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice,
-                         differing_bricks(mesh_, evidence.lattice, evidence.topology.signs), *backend_, bad_options);
+  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, evidence.topology.signs, *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   add_necks(mesh_, failed, sites);
   add_bridges(mesh_, evidence.pieces, evidence.certificate, evidence.lattice, evidence.topology, sites);

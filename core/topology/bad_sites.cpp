@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
 #include <tuple>
 
@@ -11,6 +12,7 @@
 #include "core/disjoint_sets.h"
 #include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
+#include "core/topology/columns.h"
 #include "core/topology/sides.h"
 #include "core/topology/simple_point.h"
 #include "core/trace.h"
@@ -18,68 +20,111 @@
 namespace isoskin {
 namespace {
 
+constexpr int kCells = BrickLattice::kCells;
 constexpr int kCorners = BrickLattice::kCorners;
 
-/// A lattice corner by its coordinates, packed so that sorting goes x, y, z.
-std::uint64_t key_of(const IVec3& c) {
+/// A lattice corner by its coordinates, packed so that sorting goes x, y, z. Offsets of corners are differences of
+/// keys.
+constexpr std::uint64_t key_of(const IVec3& c) {
   constexpr int kOffset = 1 << 20;
   return (std::uint64_t(c.x + kOffset) << 42) | (std::uint64_t(c.y + kOffset) << 21) | std::uint64_t(c.z + kOffset);
 }
 
-/// Sides of lattice corners, asked for by coordinates. Corners that no brick holds count as outside.
-class Sides {
+/// Rows of bricks' corners, as BrickSigns has them: bits where they are inside the mesh.
+class MeshSides {
 public:
-  Sides(const BrickLattice& lattice, const DifferingBricks& differing) : lattice_(lattice), differing_(differing) {}
-
-  bool inside_mesh(const IVec3& c) const {
-    const auto [brick, corner] = slot(c);
-    if (brick == kNone) return false;
+  MeshSides(const DifferingBricks& differing, const std::vector<BrickSigns>& signs)
+      : differing_(differing), signs_(signs), wound_(differing.brick.size()) {
+    for_each_index(wound_.size(), [&](std::size_t n) {
+      const std::int8_t* winding = &differing.winding[n * BrickLattice::kValues];
+      for (std::uint16_t& row : wound_[n].row)
+        for (int z = 0; z < kCorners; ++z) row |= std::uint16_t(*winding++ > 0) << z;
+    });
+  }
+  unsigned row(Index brick, int x, int y) const {
     const Index n = differing_.number[brick];
-    if (n == kNone) return lattice_.value[std::size_t{brick} * BrickLattice::kValues + corner] > 0.0f;
-    return differing_.winding[std::size_t{n} * BrickLattice::kValues + corner] > 0;
+    return (n == kNone ? signs_[brick] : wound_[n]).at(x, y);
   }
 
 private:
-  /// A brick that has the corner, kNone if none does, and the corner's number in it.
-  std::pair<Index, Index> slot(const IVec3& c) const {
-    const IVec3 brick(c.x >> 3, c.y >> 3, c.z >> 3);
-    // A corner on a brick's low side also belongs to the brick below, which may be the only one there.
-    for (int shift = 0; shift < 8; ++shift) {
-      const IVec3 step((shift >> 2) & 1, (shift >> 1) & 1, shift & 1);
-      const IVec3 local = c - 8 * (brick - step);
-      if (local.x > 8 || local.y > 8 || local.z > 8) continue;
-      const Index b = lattice_.find(brick - step);
-      if (b != kNone) return {b, Index((local.x * kCorners + local.y) * kCorners + local.z)};
+  const DifferingBricks& differing_;
+  const std::vector<BrickSigns>& signs_;
+  std::vector<BrickSigns> wound_;
+};
+
+/// Sides of the mesh at a brick's corners and at those about it; corners that no brick holds count as outside.
+class SidesAbout {
+public:
+  SidesAbout(const BrickLattice& lattice, const MeshSides& sides, Index brick) {
+    for (int n = 0; n < 27; ++n) {
+      const IVec3 to(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+      const Index other = lattice.find(lattice.coordinate[brick] + to);
+      if (other == kNone) continue;
+      for (int x = first(to.x); x <= last(to.x); ++x)
+        for (int y = first(to.y); y <= last(to.y); ++y) {
+          const unsigned row = sides.row(other, x, y);
+          row_[(x + kCells * to.x + 1) * kWide + y + kCells * to.y + 1] |= to.z < 0   ? row >> (kCells - 1)
+                                                                           : to.z > 0 ? (row & 3) << kCorners
+                                                                                      : row << 1;
+        }
     }
-    return {kNone, 0};
+  }
+  Neighbourhood about(int x, int y, int z) const {
+    Neighbourhood inside = 0;
+    for (int n = 0; n < 9; ++n) inside |= (row_[(x + n / 3) * kWide + y + n % 3] >> z & 7u) << (3 * n);
+    return inside;
   }
 
-  const BrickLattice& lattice_;
-  const DifferingBricks& differing_;
+private:
+  static constexpr int kWide = kCorners + 2;
+  // Of a neighbour's corners those within one of the brick's.
+  static int first(int to) { return to < 0 ? kCells - 1 : 0; }
+  static int last(int to) { return to > 0 ? 1 : kCells; }
+
+  std::array<unsigned, kWide * kWide> row_{};
 };
+
+bool is_simple_both_ways(Neighbourhood inside) {
+  return is_simple(inside, false) && is_simple(inside, true);
+}
 
 struct Corner {
   std::uint64_t key;
   IVec3 at;
-  std::size_t slot;     // into lattice.value
-  std::int8_t winding;  // of the mesh
+  Neighbourhood inside;  // of the mesh
+  std::size_t slot;      // into lattice.value
+  std::int8_t winding;   // of the mesh
   // Corners on bricks' faces come once for each brick, with what that brick knows of them: ties must not be open.
   bool operator<(const Corner& other) const { return std::pair(key, slot) < std::pair(other.key, other.slot); }
+
+  /// Whether the mesh passes between the corner and one of those about it.
+  bool is_beside_mesh() const {
+    constexpr Neighbourhood kAll = (1u << 27) - 1;
+    return inside != 0 && inside != kAll;
+  }
 };
 
-/// Lattice corners whose side differs between mesh and field, each once, sorted.
-std::vector<Corner> differing_corners(const BrickLattice& lattice, const DifferingBricks& differing) {
+/// Lattice corners whose side differs between mesh and field, each once, sorted. Left out are those with |F| up to
+/// `zero`, on the surface, whose side means nothing to the topology of the mesh.
+std::vector<Corner> differing_corners(const BrickLattice& lattice, const DifferingBricks& differing,
+                                      const std::vector<BrickSigns>& signs, double zero) {
+  const MeshSides sides(differing, signs);
   std::vector<std::vector<Corner>> of_brick(differing.brick.size());
   tbb::parallel_for(std::size_t(0), of_brick.size(), [&](std::size_t n) {
-    const std::size_t b = differing.brick[n];
+    const Index b = differing.brick[n];
+    const SidesAbout about(lattice, sides, b);
     for (int x = 0; x < kCorners; ++x)
       for (int y = 0; y < kCorners; ++y)
         for (int z = 0; z < kCorners; ++z) {
-          const std::size_t i = (std::size_t(x) * kCorners + y) * kCorners + z, slot = b * BrickLattice::kValues + i;
+          const std::size_t i = (std::size_t(x) * kCorners + y) * kCorners + z;
+          const std::size_t slot = std::size_t{b} * BrickLattice::kValues + i;
           const std::int8_t winding = differing.winding[n * BrickLattice::kValues + i];
           if (winding == (lattice.value[slot] > 0.0f ? 1 : 0)) continue;
-          const IVec3 at = 8 * lattice.coordinate[b] + IVec3(x, y, z);
-          of_brick[n].push_back({key_of(at), at, slot, winding});
+          const Neighbourhood inside = about.about(x, y, z);
+          const bool once = winding == 0 || winding == 1;
+          if (once && std::abs(lattice.value[slot]) <= zero && is_simple_both_ways(inside)) continue;
+          const IVec3 at = kCells * lattice.coordinate[b] + IVec3(x, y, z);
+          of_brick[n].push_back({key_of(at), at, inside, slot, winding});
         }
   });
   std::vector<Corner> corners;
@@ -90,96 +135,95 @@ std::vector<Corner> differing_corners(const BrickLattice& lattice, const Differi
   return corners;
 }
 
-/// The corners' 26-connected clusters: the smallest member of each corner's cluster.
-std::vector<Index> clusters_of(const std::vector<Corner>& corners) {
-  DisjointSets sets(corners.size());
-  // The 13 neighbours that sort before lie in four lattice columns and just below; one walker follows in each column.
-  constexpr std::array<IVec3, 4> kColumn{IVec3(-1, -1, 0), IVec3(-1, 0, 0), IVec3(-1, 1, 0), IVec3(0, -1, 0)};
-  std::array<Index, kColumn.size()> walker{};
-  for (Index i = 0; i < corners.size(); ++i) {
-    if (i > 0 && corners[i - 1].key + 1 == corners[i].key) sets.unite(i, i - 1);
-    for (std::size_t n = 0; n < kColumn.size(); ++n) {
-      const std::uint64_t middle = key_of(corners[i].at + kColumn[n]);
-      while (corners[walker[n]].key + 1 < middle) ++walker[n];
-      for (Index j = walker[n]; corners[j].key <= middle + 1; ++j) sets.unite(i, j);
-    }
-  }
-  std::vector<Index> cluster(corners.size());
-  for (Index i = 0; i < corners.size(); ++i) cluster[i] = sets.root(i);
-  return cluster;
-}
-
-/// The mesh's sides in the box about a cluster, to be changed corner by corner.
-class LocalSides {
+/// Which corners of a sorted list are within one of each other.
+class CornerNeighbours {
 public:
-  LocalSides(const std::vector<IVec3>& cluster, const Sides& sides) : low_(cluster.front()), high_(cluster.front()) {
-    for (const IVec3& c : cluster) {
-      low_ = glm::min(low_, c);
-      high_ = glm::max(high_, c);
-    }
-    low_ -= 1;
-    size_ = high_ + 2 - low_;
-    side_.assign(std::size_t(size_.x) * size_.y * size_.z, kUnread);
-    changed_.assign(side_.size(), 1);
-    for (int n = 0; n < 27; ++n) step_[n] = (std::ptrdiff_t(n / 9 - 1) * size_.y + n / 3 % 3 - 1) * size_.z + n % 3 - 1;
-    for (const IVec3& c : cluster)
-      for (int n = 0; n < 27; ++n)
-        if (std::int8_t& side = side_[index(c) + step_[n]]; side == kUnread)
-          side = sides.inside_mesh(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+  explicit CornerNeighbours(const std::vector<Corner>& corners) : corners_(corners), first_(corners.size()) {
+    // One walker goes up each of the nine lattice columns about a corner.
+    constexpr std::size_t kRun = 2048;
+    tbb::parallel_for(std::size_t(0), (corners.size() + kRun - 1) / kRun, [&](std::size_t run) {
+      std::array<Index, 9> walker{};
+      for (int n = 0; n < 9; ++n) {
+        const auto before = [](const Corner& c, std::uint64_t key) { return c.key < key; };
+        walker[n] = Index(std::lower_bound(corners.begin(), corners.end(), lowest(corners[run * kRun], n), before) -
+                          corners.begin());
+      }
+      for (std::size_t i = run * kRun; i < std::min(corners.size(), (run + 1) * kRun); ++i) {
+        for (int n = 0; n < 9; ++n)
+          while (walker[n] < corners.size() && corners[walker[n]].key < lowest(corners[i], n)) ++walker[n];
+        first_[i] = walker;
+      }
+    });
   }
 
-  /// Flips the corner if that is simple in both connectivities; whether it did.
-  bool peel(const IVec3& c) {
-    const std::size_t at = index(c);
-    if (!changed_[at]) return false;  // as it was when it was last looked at
-    changed_[at] = 0;
-    const Neighbourhood inside = around(at);
-    if (!is_simple(inside, false) || !is_simple(inside, true)) return false;
-    side_[at] ^= 1;
-    for (const std::ptrdiff_t step : step_) changed_[at + step] = 1;
-    return true;
+  /// visit(j, bit) for those about corner i: the bit of j in i's neighbourhood.
+  template <class Visit>
+  void for_each(Index i, const Visit& visit) const {
+    for (int n = 0; n < 9; ++n) {
+      const std::uint64_t low = lowest(corners_[i], n);
+      for (Index j = first_[i][n]; j < corners_.size() && corners_[j].key <= low + 2; ++j)
+        if (j != i) visit(j, 3 * n + int(corners_[j].key - low));
+    }
   }
 
 private:
-  static constexpr std::int8_t kUnread = -1;
-
-  Neighbourhood around(std::size_t at) const {
-    Neighbourhood mask = 0;
-    for (int n = 0; n < 27; ++n) mask |= Neighbourhood(side_[at + step_[n]] == 1) << n;
-    return mask;
+  /// The lowest corner about another in a column.
+  static std::uint64_t lowest(const Corner& corner, int n) {
+    return corner.key + key_of(IVec3(n / 3 - 1, n % 3 - 1, -1)) - key_of(IVec3(0));
   }
 
-  std::size_t index(const IVec3& c) const {
-    const IVec3 d = c - low_;
-    return (std::size_t(d.x) * size_.y + d.y) * size_.z + d.z;
-  }
-
-  IVec3 low_, high_, size_{0};
-  std::vector<std::int8_t> side_;
-  std::vector<std::uint8_t> changed_;  // since it was last looked at, something in the neighbourhood has
-  std::array<std::ptrdiff_t, 27> step_{};
+  const std::vector<Corner>& corners_;
+  std::vector<std::array<Index, 9>> first_;
 };
 
-/// Flips the cluster's corners to the field's side as long as the flip is simple in both connectivities, in the given
-/// order, again and again; returns those that are left: where the topology may have to change.
-std::vector<Index> peel(const std::vector<IVec3>& cluster, const Sides& sides) {
-  LocalSides local(cluster, sides);
-  std::vector<Index> left(cluster.size());
-  std::iota(left.begin(), left.end(), Index(0));
-  for (std::size_t before = left.size() + 1; left.size() < before;) {
-    before = left.size();
-    std::erase_if(left, [&](Index i) { return local.peel(cluster[i]); });
-  }
-  return left;
+/// The corners' 26-connected clusters: the smallest member of each corner's cluster.
+std::vector<Index> clusters_of(std::size_t corners, const CornerNeighbours& neighbours) {
+  DisjointSets sets(corners);
+  std::vector<Index> cluster(corners);
+  for_each_index(corners, [&](std::size_t i) {
+    neighbours.for_each(Index(i), [&](Index j, int) {
+      if (j < i) sets.unite(Index(i), j);
+    });
+  });
+  for_each_index(corners, [&](std::size_t i) { cluster[i] = sets.root(Index(i)); });
+  return cluster;
 }
 
-/// Whether the mesh passes between the corner and one of those about it.
-bool is_beside_mesh(const IVec3& c, const Sides& sides) {
-  const bool inside = sides.inside_mesh(c);
-  for (int n = 0; n < 27; ++n)
-    if (sides.inside_mesh(c + IVec3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) != inside) return true;
-  return false;
-}
+/// Flips corners to the field's side; the corners of different clusters at once.
+class Peeling {
+public:
+  Peeling(const std::vector<Corner>& corners, const CornerNeighbours& neighbours)
+      : neighbours_(neighbours), inside_(corners.size()), changed_(corners.size(), 1) {
+    for_each_index(corners.size(), [&](std::size_t i) { inside_[i] = corners[i].inside; });
+  }
+
+  /// Flips a cluster's corners as long as the flip is simple in both connectivities, in the given order, again and
+  /// again; returns those that are left: where the topology may have to change.
+  std::vector<Index> peel(std::vector<Index> cluster) {
+    for (std::size_t before = cluster.size() + 1; cluster.size() < before;) {
+      before = cluster.size();
+      std::erase_if(cluster, [&](Index i) { return flip(i); });
+    }
+    return cluster;
+  }
+
+private:
+  /// Whether the corner's flip was simple.
+  bool flip(Index i) {
+    if (!changed_[i]) return false;  // as it was when it was last looked at
+    changed_[i] = 0;
+    if (!is_simple_both_ways(inside_[i])) return false;
+    neighbours_.for_each(i, [&](Index j, int bit) {
+      inside_[j] ^= 1u << (26 - bit);
+      changed_[j] = 1;
+    });
+    return true;
+  }
+
+  const CornerNeighbours& neighbours_;
+  std::vector<Neighbourhood> inside_;
+  std::vector<std::uint8_t> changed_;  // since it was last looked at, something in the neighbourhood has
+};
 
 /// F and |grad F| at points.
 struct Samples {
@@ -221,12 +265,15 @@ void add_strays(const std::vector<Vec3>& points, double share, const FarCorners&
 }  // namespace
 
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                        const DifferingBricks& differing, Backend& backend, const BadSiteOptions& options) {
+                        const std::vector<BrickSigns>& signs, Backend& backend, const BadSiteOptions& options) {
+  constexpr double kZero = 1e-4;  // of the tolerance: no farther from the surface than projection leaves vertices
   const Span span("bad sites");
   BadSites sites;
   const FarCorners far(field, lattice, options.tolerance);
-  const std::vector<Corner> corners = differing_corners(lattice, differing);
-  const std::vector<Index> cluster = clusters_of(corners);
+  const std::vector<Corner> corners =
+      differing_corners(lattice, differing_bricks(mesh, lattice, signs), signs, kZero * far.threshold());
+  const CornerNeighbours neighbours(corners);
+  const std::vector<Index> cluster = clusters_of(corners.size(), neighbours);
   std::vector<Vec3> points;
   for (const Corner& c : corners) points.push_back(Vec3(lattice.point(c.at)));
   const Samples samples(points, backend);
@@ -245,7 +292,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     }
     runs.emplace_back(i, j);
   }
-  const Sides sides(lattice, differing);
+  Peeling peeling(corners, neighbours);
   // At a cusp the slope between corners, which the certificate goes by, is far less than the gradient.
   const auto blamed = [&](const Corner& corner) {
     const std::size_t b = corner.slot / BrickLattice::kValues;
@@ -255,9 +302,8 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
   std::vector<std::uint8_t> bad(corners.size(), 0), sure(corners.size(), 0), suspect(corners.size(), 0);
   tbb::parallel_for(std::size_t(0), runs.size(), [&](std::size_t r) {
     const auto [begin, end] = runs[r];
-    std::vector<IVec3> members;
-    for (std::size_t i = begin; i < end; ++i) members.push_back(corners[order[i]].at);
-    for (const Index i : peel(members, sides)) suspect[order[begin + i]] = 1;
+    const auto run = order.begin() + std::ptrdiff_t(begin);
+    for (const Index c : peeling.peel({run, run + std::ptrdiff_t(end - begin)})) suspect[c] = 1;
     for (std::size_t i = begin; i < end; ++i) {
       const Index c = order[i];
       const std::int8_t times = corners[c].winding;
@@ -269,10 +315,10 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
     for (std::size_t i = begin; i < end && !reached; ++i) {
       if (!sure[order[i]]) continue;
       any_sure = true;
-      reached = is_beside_mesh(corners[order[i]].at, sides);
+      reached = corners[order[i]].is_beside_mesh();
     }
     for (std::size_t i = begin; i < end && any_sure && !reached; ++i)
-      if (is_beside_mesh(corners[order[i]].at, sides)) bad[order[i]] = suspect[order[i]] = 1;
+      if (corners[order[i]].is_beside_mesh()) bad[order[i]] = suspect[order[i]] = 1;
   });
   for (const Index c : order)
     if (bad[c]) sites.add(points[c], sure[c] != 0, !suspect[c]);

@@ -7,7 +7,7 @@
 #include "core/field/field.h"
 #include "core/mechanics/project.h"
 #include "core/sampling/brick_lattice.h"
-#include "core/topology/columns.h"
+#include "core/sampling/brick_signs.h"
 
 namespace isoskin {
 
@@ -31,15 +31,16 @@ struct BadSites {
   }
 };
 
-/// Corners whose side differs between mesh (`differing`: as differing_bricks() gives them) and field are gathered into
+/// Corners whose side differs between mesh and field (`signs`: of the lattice, one a brick) are gathered into
 /// 26-connected clusters and flipped to the field's side, nearest to the surface first, as long as the flip is simple
-/// in both digital connectivities (see simple_point.h): there the coarse mesh merely cuts corners. What is left is
-/// where the topology may have to change, and, of a cluster that is surely wrong but nowhere beside the mesh, where it
-/// begins there. Bad are also corners that the mesh encloses twice, or beyond the tolerance,
-/// and mesh vertices and centroids off the surface: a thread or film that the lattice is too coarse to see shows there.
-/// The backend must hold the field, from which the lattice was sampled.
+/// in both digital connectivities (see simple_point.h): there the coarse mesh merely cuts corners. Corners on the
+/// surface whose flip is simple from the first are left out. What is left is where the topology may have to change,
+/// and, of a cluster that is surely wrong but nowhere beside the mesh, where it begins there. Bad are also corners that
+/// the mesh encloses twice, or beyond the tolerance, and mesh vertices and centroids off the surface: a thread or film
+/// that the lattice is too coarse to see shows there. The backend must hold the field, from which the lattice was
+/// sampled.
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
-                        const DifferingBricks& differing, Backend& backend, const BadSiteOptions& options);
+                        const std::vector<BrickSigns>& signs, Backend& backend, const BadSiteOptions& options);
 
 /// Adds, as odd sites, the corners of triangles, with wanted != 0 (one byte a vertex) at one of them, from whose
 /// centroid projection finds no surface within `reach` (world units).
