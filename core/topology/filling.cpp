@@ -86,7 +86,11 @@ void Filling::link_twins(Index first_halfedge) {
 }
 
 std::vector<Index> PathFinder::path(Index a, Index b, const std::vector<std::uint8_t>& used, float slack) {
+  // Of the distance that is left: that paths cost no less (A*, Hart, Nilsson and Raphael 1968) holds for rounded sums.
+  constexpr float kSurely = 0.999f;
   const auto& position = filling_.surface.position;
+  came_from_.resize(position.size());
+  seen_in_.resize(position.size(), 0);
   const Vec3 from = position[a], to = position[b];
   const float straight = glm::length(to - from);
   const Vec3 line = straight > 0.0f ? (to - from) / straight : Vec3(0.0f);
@@ -95,10 +99,10 @@ std::vector<Index> PathFinder::path(Index a, Index b, const std::vector<std::uin
     return glm::length(d - glm::dot(d, line) * line);
   };
   ++search_;
-  open_.assign(1, {0.0f, a, kNone});
+  open_.assign(1, {0.0f, 0.0f, a, kNone});
   while (!open_.empty()) {
     std::pop_heap(open_.begin(), open_.end(), std::greater<>());
-    const auto [cost, v, before] = open_.back();
+    const auto [whole, cost, v, before] = open_.back();
     open_.pop_back();
     if (seen_in_[v] == search_) continue;
     seen_in_[v] = search_;
@@ -111,8 +115,10 @@ std::vector<Index> PathFinder::path(Index a, Index b, const std::vector<std::uin
     }
     for (const auto& [next, triangle] : filling_.edges(v)) {
       if (seen_in_[next] == search_ || (used[next] && next != b)) continue;
-      if (glm::length(position[next] - from) + glm::length(position[next] - to) > straight + slack) continue;
-      open_.emplace_back(cost + glm::length(position[next] - position[v]) + off_line(next), next, v);
+      const float left = glm::length(position[next] - to);
+      if (glm::length(position[next] - from) + left > straight + slack) continue;
+      const float so_far = cost + glm::length(position[next] - position[v]) + off_line(next);
+      open_.emplace_back(so_far + kSurely * left, so_far, next, v);
       std::push_heap(open_.begin(), open_.end(), std::greater<>());
     }
   }

@@ -40,18 +40,18 @@ private:
 /// Outward unit normals of the field, zero where the gradient vanishes.
 std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backend);
 
-/// Finds paths on a filling's edges. Keeps its memory from one path to the next.
+/// Finds paths on a filling's edges. Keeps its memory from one path to the next, also while the filling grows.
 class PathFinder {
 public:
-  explicit PathFinder(const Filling& filling)
-      : filling_(filling), came_from_(filling.surface.position.size()), seen_in_(came_from_.size(), 0) {}
+  explicit PathFinder(const Filling& filling) : filling_(filling) {}
 
   /// The shortest from a to b that keeps near the straight line and off `used` vertices (b may be one); at most `slack`
   /// longer than the line. Empty when there is none.
   std::vector<Index> path(Index a, Index b, const std::vector<std::uint8_t>& used, float slack);
 
 private:
-  using Entry = std::tuple<float, Index, Index>;  // cost, vertex, where it came from
+  // The least that the whole path may cost, what it has cost so far, vertex, where it came from.
+  using Entry = std::tuple<float, float, Index, Index>;
 
   const Filling& filling_;
   std::vector<Index> came_from_;  // of vertices seen in this search

@@ -13,7 +13,8 @@ GrowingFilling::GrowingFilling(const BrickLattice& lattice, const LatticeTopolog
       topology_(topology),
       backend_(backend),
       built_(lattice.brick_count(), 0),
-      near_(seam_reach(lattice.spacing)) {}
+      near_(seam_reach(lattice.spacing)),
+      paths_([this] { return PathFinder(filling_); }) {}
 
 void GrowingFilling::extend(const std::vector<Vec3>& points, float least, float reach) {
   const std::vector<std::uint8_t> needed = bricks_about(points, least);

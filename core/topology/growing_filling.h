@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include "core/backend.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
@@ -15,14 +17,19 @@ namespace isoskin {
 class GrowingFilling {
 public:
   GrowingFilling(const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend);
+  GrowingFilling(const GrowingFilling&) = delete;
+  GrowingFilling& operator=(const GrowingFilling&) = delete;
 
   /// When it does not reach `least` about the points, it is built on as far as `reach`; its vertices and triangles keep
   /// their numbers. World units.
   void extend(const std::vector<Vec3>& points, float least, float reach);
 
   const Filling& operator*() const { return filling_; }
+  const Filling* operator->() const { return &filling_; }
   /// Its vertices, within seam_reach().
   const GrowingPointGrid& near() const { return near_; }
+  /// The calling thread's.
+  PathFinder& paths() const { return paths_.local(); }
 
 private:
   std::vector<std::uint8_t> bricks_about(const std::vector<Vec3>& points, float reach) const;
@@ -33,6 +40,7 @@ private:
   std::vector<std::uint8_t> built_;  // per brick
   Filling filling_;
   GrowingPointGrid near_;
+  mutable tbb::enumerable_thread_specific<PathFinder> paths_;
 };
 
 }  // namespace isoskin

@@ -4,7 +4,7 @@
 #include <bit>
 #include <limits>
 
-#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
 #include "core/mesh/independent_edits.h"
@@ -176,24 +176,35 @@ void find_seams(const TriangleMesh& mesh, const std::vector<Index>& removed, Hol
 
 /// Marks seams that cannot be snapped.
 std::vector<Index> snap(const TriangleMesh& mesh, const std::vector<Vec3>& normals, std::vector<Seam>& seams,
-                        const Filling& filling, const GrowingPointGrid& near) {
+                        const GrowingFilling& filling) {
   constexpr float kAgree = 0.3f;  // cosine between normals
+  const auto nearest = [&](Index v, const auto& is_free) {
+    std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
+    filling.near().near(mesh.position(v), [&](Index candidate, float square) {
+      if (glm::dot(normals[v], filling->normal[candidate]) > kAgree && is_free(candidate))
+        best = std::min(best, {square, candidate});
+    });
+    return best.second;
+  };
+  std::vector<Index> border, target;
+  for (const Seam& seam : seams) border.insert(border.end(), seam.halfedge.begin(), seam.halfedge.end());
+  target.resize(border.size());
+  tbb::parallel_for(std::size_t{0}, border.size(),
+                    [&](std::size_t i) { target[i] = nearest(mesh.from(border[i]), [](Index) { return true; }); });
+  // Few want what another has taken before them.
   std::vector<Index> snapped(mesh.vertex_count(), kNone);
-  std::vector<std::uint8_t> taken(filling.surface.position.size(), 0);
+  std::vector<std::uint8_t> taken(filling->surface.position.size(), 0);
+  auto next = target.begin();
   for (Seam& seam : seams) {
     for (const Index h : seam.halfedge) {
-      const Index v = mesh.from(h);
-      std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
-      near.near(mesh.position(v), [&](Index candidate, float square) {
-        if (glm::dot(normals[v], filling.normal[candidate]) > kAgree && !taken[candidate])
-          best = std::min(best, {square, candidate});
-      });
-      if (best.second == kNone) {
+      Index to = *next++;
+      if (to != kNone && taken[to]) to = nearest(mesh.from(h), [&](Index candidate) { return !taken[candidate]; });
+      if (to == kNone) {
         seam.failed_at.push_back(h);
         continue;
       }
-      taken[best.second] = 1;
-      snapped[v] = best.second;
+      taken[to] = 1;
+      snapped[mesh.from(h)] = to;
     }
     seam.failed = !seam.failed_at.empty();
   }
@@ -201,10 +212,10 @@ std::vector<Index> snap(const TriangleMesh& mesh, const std::vector<Vec3>& norma
 }
 
 /// The paths of all seams together: each is the shortest that keeps off those before it.
-void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filling& filling,
+void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const GrowingFilling& filling,
                  const std::vector<Index>& snapped, double spacing) {
   constexpr float kSlack = 4.0f;  // in lattice spacings: how much longer than the edge a path may be
-  std::vector<std::uint8_t> used(filling.surface.position.size(), 0);
+  std::vector<std::uint8_t> used(filling->surface.position.size(), 0);
   for (const Index target : snapped)
     if (target != kNone) used[target] = 1;
   std::vector<std::pair<Index, Index>> edges;  // seam, its halfedge
@@ -213,20 +224,19 @@ void trace_paths(const TriangleMesh& mesh, std::vector<Seam>& seams, const Filli
     seams[s].path.resize(seams[s].halfedge.size());
     for (Index i = 0; i < seams[s].halfedge.size(); ++i) edges.emplace_back(s, i);
   }
-  const auto find = [&](PathFinder& paths, Index h) {
-    return paths.path(snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
+  const auto find = [&](Index h) {
+    return filling.paths().path(snapped[mesh.from(h)], snapped[mesh.to(h)], used, kSlack * float(spacing));
   };
   // Most paths are far from each other: only those that meet one before them are to be found again, in order.
-  tbb::enumerable_thread_specific<PathFinder> finders([&] { return PathFinder(filling); });
-  for_each_index(edges.size(), [&](std::size_t e) {
+  tbb::parallel_for(std::size_t{0}, edges.size(), [&](std::size_t e) {
     Seam& seam = seams[edges[e].first];
-    seam.path[edges[e].second] = find(finders.local(), seam.halfedge[edges[e].second]);
+    seam.path[edges[e].second] = find(seam.halfedge[edges[e].second]);
   });
   for (const auto& [s, i] : edges) {
     std::vector<Index>& path = seams[s].path[i];
     const bool meets =
         path.size() > 2 && std::any_of(path.begin() + 1, path.end() - 1, [&](Index v) { return used[v]; });
-    if (meets) path = find(finders.local(), seams[s].halfedge[i]);
+    if (meets) path = find(seams[s].halfedge[i]);
     if (path.empty()) seams[s].failed_at.push_back(seams[s].halfedge[i]);
     for (const Index v : path) used[v] = 1;
   }
@@ -272,7 +282,8 @@ public:
         filling_(filling),
         on_(filling.surface.position.size(), kUnread),
         stays_(mesh.vertex_count(), 1) {
-    for (Index h = 0; h < mesh.vertex.size(); ++h) stays_[mesh.vertex[h]] &= holes.of_triangle[h / 3] == kNone;
+    for (Index t = 0; t < holes.of_triangle.size(); ++t)
+      for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays_[mesh.vertex[h]] = 0;
   }
 
   /// The vertex of the mesh nearest to one of the filling; kNone where there is none, or it goes or is on a seam.
@@ -317,8 +328,8 @@ float seam_reach(double spacing) {
 }
 
 std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
-                             const Filling& filling, const GrowingPointGrid& near, double spacing) {
-  std::vector<Index> snapped = snap(mesh, normals, holes.seams, filling, near);
+                             const GrowingFilling& filling, double spacing) {
+  std::vector<Index> snapped = snap(mesh, normals, holes.seams, filling);
   trace_paths(mesh, holes.seams, filling, snapped, spacing);
   return snapped;
 }

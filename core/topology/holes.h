@@ -5,6 +5,7 @@
 
 #include "core/mesh/triangle_mesh.h"
 #include "core/topology/filling.h"
+#include "core/topology/growing_filling.h"
 #include "core/topology/point_grid.h"
 
 namespace isoskin {
@@ -35,10 +36,9 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
 
 /// Snaps seam vertices to the nearest vertex of the filling on the same side (`normals`: of the field at the mesh's
 /// vertices), each to one of its own, and joins neighbours by shortest paths that share no vertex. Seams for which it
-/// cannot be done fail. Returns, per vertex of the mesh, the filling's vertex, kNone away from seams. `near`: the
-/// filling's vertices, within seam_reach().
+/// cannot be done fail. Returns, per vertex of the mesh, the filling's vertex, kNone away from seams.
 std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
-                             const Filling& filling, const GrowingPointGrid& near, double spacing);
+                             const GrowingFilling& filling, double spacing);
 /// How far a vertex may be snapped. `spacing`: of the lattice.
 float seam_reach(double spacing);
 

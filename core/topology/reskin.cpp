@@ -42,7 +42,8 @@ struct Scene {
 std::vector<std::uint8_t> folded_vertices(const TriangleMesh& mesh, const std::vector<Vec3>& normals) {
   const std::vector<std::uint8_t> triangles = folded_triangles(mesh, normals);
   std::vector<std::uint8_t> folded(mesh.vertex_count());
-  for (Index h = 0; h < mesh.vertex.size(); ++h) folded[mesh.vertex[h]] |= triangles[h / 3];
+  for (Index t = 0; t < triangles.size(); ++t)
+    for (Index h = 3 * t; h < 3 * t + 3 && triangles[t]; ++h) folded[mesh.vertex[h]] = 1;
   return folded;
 }
 
@@ -91,8 +92,8 @@ std::vector<std::uint8_t> whole_pieces(const Scene& scene, const Holes& holes, c
   const auto mark = [](std::uint8_t& flag) { std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed); };
   std::vector<std::uint8_t> broken(certificate.lattice_piece.size()), emptied(broken.size()), covered(broken.size());
   std::vector<std::uint8_t> stays(scene.mesh.vertex_count(), 1);
-  for (Index h = 0; h < scene.mesh.vertex.size(); ++h)
-    if (holes.of_triangle[h / 3] != kNone) stays[scene.mesh.vertex[h]] = 0;
+  for (Index t = 0; t < holes.of_triangle.size(); ++t)
+    for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays[scene.mesh.vertex[h]] = 0;
   const float reach = seam_reach(scene.lattice.spacing);
   const auto is_covered = [&](std::size_t f) {
     bool found = false;
@@ -287,9 +288,8 @@ Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const std::vec
         const GrowingFilling& filling, bool last) {
   Cut result;
   result.holes = traced("cut holes", [&] { return cut_holes(scene.mesh, hot, spared); });
-  result.snapped = traced("seams", [&] {
-    return lay_seams(scene.mesh, scene.normals, result.holes, *filling, filling.near(), scene.lattice.spacing);
-  });
+  result.snapped = traced(
+      "seams", [&] { return lay_seams(scene.mesh, scene.normals, result.holes, filling, scene.lattice.spacing); });
   const auto& seams = result.holes.seams;
   if (last || std::none_of(seams.begin(), seams.end(), [](const Seam& seam) { return seam.failed; }))
     result.patches = traced("patches", [&] { return find_patches(result.holes, *filling); });
