@@ -10,6 +10,8 @@
 namespace isoskin {
 namespace {
 
+constexpr double kStep = 0.1;  // of e: gaps thinner than this along a ray from an axis may not be seen
+
 bool is_solid(const CriticalPoint& p) {
   return p.kind == CriticalKind::two_saddle;
 }
@@ -34,6 +36,24 @@ struct Curvatures {
 
 DVec3 axis_of(const CriticalPoint& p) {
   return p.hessian.vectors[is_solid(p) ? 2 : 0];
+}
+
+/// Where f, positive at `low` and not at `high`, is zero: regula falsi with the Illinois rule.
+template <class Function>
+double root_between(const Function& f, double low, double high, double exact) {
+  constexpr int kRounds = 24;
+  double at_low = f(low), at_high = f(high), middle = high;
+  int last = 0;  // the end that was kept
+  for (int round = 0; round < kRounds && high - low > exact && at_high < 0.0; ++round) {
+    middle = low + at_low / (at_low - at_high) * (high - low);
+    const double value = f(middle);
+    const int kept = value > 0.0 ? 1 : -1;
+    (kept > 0 ? low : high) = middle;
+    (kept > 0 ? at_low : at_high) = value;
+    if (kept == last) (kept > 0 ? at_high : at_low) *= 0.5;
+    last = kept;
+  }
+  return middle;
 }
 
 /// p, turned the shortest way that takes unit vector a to b; these are less than a half turn apart.
@@ -102,27 +122,45 @@ ThinMotion::ThinMotion(const TriangleMesh& mesh, std::span<const CriticalPath> p
   }
 }
 
+/// From the axis through `offset`: positive within the passage, at a distance from the axis.
+class ThinMotion::Ray {
+public:
+  Ray(const Passage& passage, const DVec3& offset, const Field& field) : field_(field), sign_(passage.solid ? 1 : -1) {
+    const DVec3 along = glm::dot(offset, passage.axis) * passage.axis;
+    length_ = glm::length(offset - along);
+    start_ = passage.center + along;
+    if (length_ > 0.0) direction_ = (offset - along) / length_;
+  }
+
+  double length() const { return length_; }
+  double operator()(double distance) const { return sign_ * field_.value(start_ + distance * direction_); }
+  DVec3 point(double distance) const { return start_ + distance * direction_; }
+
+private:
+  const Field& field_;
+  double sign_, length_;
+  DVec3 start_, direction_{0.0};
+};
+
+/// Whether the wall in the direction of `offset` from the axis is no farther than `slack` from there.
+bool ThinMotion::on_wall(const Passage& passage, const DVec3& offset, const Field& field, double slack) const {
+  const Ray inside(passage, offset, field);
+  const double nearest = std::max(0.0, inside.length() - slack);
+  if (!(inside(nearest) > 0.0) || inside(inside.length() + slack) > 0.0) return false;
+  for (double r = 0.0; r < nearest; r += kStep * options_.edge_length)
+    if (!(inside(r) > 0.0)) return false;
+  return true;
+}
+
 /// Where the wall is in the direction of `offset` from the axis; nothing when it is far.
 std::optional<DVec3> ThinMotion::settled(const Passage& passage, const DVec3& offset, const Field& field) const {
-  constexpr double kStep = 0.1, kFarthest = 4.0;  // of e
-  constexpr int kHalvings = 24;
-  const double e = options_.edge_length, along = glm::dot(offset, passage.axis);
-  const DVec3 across = offset - along * passage.axis;
-  const double length = glm::length(across);
-  const auto filled = [&](double r) {
-    const double value = field.value(passage.center + along * passage.axis + r / length * across);
-    return passage.solid ? value > 0.0 : value < 0.0;
-  };
-  if (!(length > 0.0) || !filled(0.0)) return std::nullopt;
-  for (double far = kStep * e; far <= kFarthest * e; far += kStep * e) {
-    if (filled(far)) continue;
-    double low = far - kStep * e, high = far;
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = 0.5 * (low + high);
-      (filled(middle) ? low : high) = middle;
-    }
-    return along * passage.axis + 0.5 * (low + high) / length * across;
-  }
+  constexpr double kFarthest = 4.0, kExact = 1e-7;  // of e
+  const double e = options_.edge_length, step = kStep * e;
+  const Ray inside(passage, offset, field);
+  if (!(inside.length() > 0.0) || !(inside(0.0) > 0.0)) return std::nullopt;
+  for (double high = step; high <= kFarthest * e; high += step)
+    if (!(inside(high) > 0.0))
+      return inside.point(root_between(inside, high - step, high, kExact * e)) - passage.center;
   return std::nullopt;
 }
 

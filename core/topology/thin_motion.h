@@ -41,6 +41,8 @@ private:
     DVec3 offset;  // from the critical point after
     Vec3 old;
   };
+  class Ray;
+  bool on_wall(const Passage& passage, const DVec3& offset, const Field& field, double slack) const;
   std::optional<DVec3> settled(const Passage& passage, const DVec3& offset, const Field& field) const;
 
   ThinOptions options_;
