@@ -73,8 +73,9 @@ private:
   bool took_back_ = false;
 };
 
-/// Smooths a skin about those of its `open` triangles that overlap, a few times. Whether anything has moved; vertices
-/// beside what is open may have. The backend must hold the field. Parallel and deterministic.
+/// Smooths a skin about those of its `open` triangles that overlap near where it is folded sharply, a few times.
+/// Whether anything has moved; vertices beside what is open may have. The backend must hold the field. Parallel and
+/// deterministic.
 bool unfold(TriangleMesh& skin, const OpenSet& open, Backend& backend, const ProjectOptions& project);
 
 /// Old and new vertices lie side by side on the seams of what was filled: edges much shorter than `fineness` (world
