@@ -42,11 +42,12 @@ private:
   DVec3 centre_, stretch_;
 };
 
-/// A round sheet in the plane z = 0: what is nearer than `half` to a disc. F is a distance.
+/// A round sheet in the plane z = height: what is nearer than `half` to a disc. F is a distance.
 class SheetField final : public Field {
 public:
-  SheetField(double radius, double half) : radius_(radius), half_(half) {}
-  FieldSample sample(const DVec3& p) const override {
+  SheetField(double radius, double half, double height = 0.0) : radius_(radius), half_(half), height_(height) {}
+  FieldSample sample(const DVec3& at) const override {
+    const DVec3 p(at.x, at.y, at.z - height_);
     const double r = std::hypot(p.x, p.y);
     const double beyond = std::max(0.0, r - radius_);
     const DVec3 from_disc(r > 0.0 ? beyond / r * p.x : 0.0, r > 0.0 ? beyond / r * p.y : 0.0, p.z);
@@ -54,10 +55,10 @@ public:
     return {half_ - distance, distance > 0.0 ? -from_disc / distance : DVec3(0.0)};
   }
   Box bounds() const override {
-    const DVec3 size(radius_ + half_, radius_ + half_, half_);
+    const DVec3 size(radius_ + half_, radius_ + half_, half_), middle(0.0, 0.0, height_);
     Box box;
-    box.add(-size);
-    box.add(size);
+    box.add(middle - size);
+    box.add(middle + size);
     return box;
   }
   Interval range(const Box&) const override {
@@ -66,7 +67,7 @@ public:
   }
 
 private:
-  double radius_, half_;
+  double radius_, half_, height_;
 };
 
 }  // namespace
@@ -97,6 +98,30 @@ TEST(Flow, a_rim_that_has_outrun_the_skin_is_found_where_the_sheet_ends) {
     EXPECT_GT(rims, 20u);
     EXPECT_EQ(arrived, follow ? rims : 0u);
   }
+}
+
+TEST(Flow, what_would_land_on_the_other_side_of_a_sheet_goes_where_its_neighbours_go) {
+  constexpr double kHalf = 0.1;
+  constexpr float kUp = 0.25f;
+  TrackOptions options;
+  options.edge_length = 0.12;
+  const FieldFrame first{0, 0.0, std::make_shared<SheetField>(1.0, kHalf), nullptr};
+  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
+  tracker.advance(first);
+  TriangleMesh mesh = tracker.mechanical();
+  for (Index v = 0; v < mesh.vertex_count(); ++v)  // new ones know nothing yet
+    mesh.vertices.velocity[v] = v % 7 == 0 ? Vec3(0.0f) : Vec3(0.0f, 0.0f, kUp / float(kStep));
+  const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
+  const auto backend = make_reference_backend();
+  backend->set_field(after);
+  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f);
+  std::size_t on_top = 0;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (mesh.position(v).z < 0.99f * float(kHalf)) continue;
+    ++on_top;
+    EXPECT_NEAR(way[v].z, kUp, 0.02f) << v;
+  }
+  EXPECT_GT(on_top, 100u);
 }
 
 TEST(Flow, a_body_that_moves_takes_all_of_its_skin_along) {

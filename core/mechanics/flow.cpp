@@ -180,14 +180,18 @@ private:
   std::vector<Vec3>& displacement_;
 };
 
-/// Where displaced vertices are near the surface: to land on it, along its normals there.
-void aim(const Landing& landing, const std::vector<Vec3>& displacement, float max_step, NormalParts& known) {
+/// Where displaced vertices are near the surface: to land on it, along its normals there. Where it faces elsewhere than
+/// they do (`normals`) it is another sheet or the other side of their own: that is not theirs to land on.
+void aim(const Landing& landing, const std::vector<Vec3>& normals, const std::vector<Vec3>& displacement,
+         float max_step, NormalParts& known) {
+  constexpr float kAgree = 0.3f;  // cosine between normals
   for_each_index(displacement.size(), [&](std::size_t v) {
     const float slope = glm::length(landing.gradient[v]);
     const bool steep = slope > kLeastSlope;
     if (steep) known.direction[v] = -landing.gradient[v] / slope;
     const float step = steep ? std::clamp(landing.value[v] / slope, -max_step, max_step) : 0.0f;
     known.length[v] = glm::dot(known.direction[v], displacement[v]) + step;
+    if (steep && glm::dot(known.direction[v], normals[v]) < kAgree) known.direction[v] = Vec3(known.length[v] = 0.0f);
   });
 }
 
@@ -211,7 +215,7 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field&
   for (int i = 0; i < options.aims; ++i) {
     Landing landing = landing_of(mesh, displacement, backend);
     if (options.half_sheet > 0.0f) RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
-    aim(landing, displacement, max_step, known);
+    aim(landing, normals, displacement, max_step, known);
     sweep(corners, neighbour, known, options.sweeps, displacement);
   }
   for (const auto& [v, straight] : small) displacement[v] = straight;
