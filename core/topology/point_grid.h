@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <deque>
 #include <utility>
@@ -22,7 +23,7 @@ public:
     for_each_index(entry_.size(), [&](std::size_t i) { entry_[i] = {key(cell(points[i])), Index(i)}; });
     tbb::parallel_sort(entry_);
     near_.assign(std::bit_ceil(std::max<std::size_t>(1, points.size())), 0);
-    for (const Vec3& p : points) mark_about(p);
+    for_each_index(points.size(), [&](std::size_t i) { mark_about(points[i]); });
   }
 
   /// Calls function(index, squared distance) for every point no farther than the radius.
@@ -65,8 +66,9 @@ private:
     for (int x = low.x; x <= high.x; ++x)
       for (int y = low.y; y <= high.y; ++y)
         for (int z = low.z; z <= high.z; ++z) {
-          const std::uint64_t bit = hash({x, y, z});
-          near_[bit >> 6 & (near_.size() - 1)] |= std::uint64_t(1) << (bit & 63);
+          const std::uint64_t hashed = hash({x, y, z}), bit = std::uint64_t(1) << (hashed & 63);
+          const std::atomic_ref word(near_[hashed >> 6 & (near_.size() - 1)]);
+          if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
         }
   }
   bool may_be_near(const Vec3& p) const {

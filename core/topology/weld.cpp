@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdint>
 #include <map>
 #include <utility>
 
@@ -85,14 +86,15 @@ private:
       }
     });
     open_ = indices_where(twin.size(), [&](Index h) { return twin[h] == kNone; });
-    const auto ends = [&](Index h) {
-      const Index a = result_.from(h), b = result_.to(h);
-      return std::pair(std::min(a, b), std::max(a, b));
-    };
-    tbb::parallel_sort(open_, [&](Index g, Index h) { return std::pair(ends(g), g) < std::pair(ends(h), h); });
+    std::vector<std::pair<std::uint64_t, Index>> by_ends(open_.size());
+    for_each_index(open_.size(), [&](std::size_t i) {
+      const Index a = result_.from(open_[i]), b = result_.to(open_[i]);
+      by_ends[i] = {std::uint64_t(std::min(a, b)) << 32 | std::max(a, b), open_[i]};
+    });
+    tbb::parallel_sort(by_ends);
     if (open_.size() % 2 != 0) return false;
     for (std::size_t i = 0; i < open_.size(); i += 2) {
-      const Index g = open_[i], h = open_[i + 1];
+      const Index g = by_ends[i].second, h = by_ends[i + 1].second;
       if (result_.from(g) != result_.to(h) || result_.to(g) != result_.from(h)) return false;
       twin[g] = h;
       twin[h] = g;
