@@ -287,11 +287,10 @@ std::vector<std::uint8_t> Tracker::folded_in(const OpenSet& open) {
 /// What is not right yet does not fall asleep.
 void Tracker::keep_awake(const Relaxed& relaxed) {
   const auto disturb = [&](Index v) { mesh_.vertices.age[v] = std::min<Index>(mesh_.vertices.age[v], 1); };
-  for (Index t = 0; t < mesh_.triangle_count(); ++t)
-    if (relaxed.inverted[t])
-      for (Index h = 3 * t; h < 3 * t + 3; ++h) disturb(mesh_.vertex[h]);
-  for (Index v = 0; v < mesh_.vertex_count(); ++v)
-    if (relaxed.quasi_critical[v]) disturb(v);
+  for (const Index t : indices_where(mesh_.triangle_count(), [&](Index t) { return relaxed.inverted[t] != 0; }))
+    for (Index h = 3 * t; h < 3 * t + 3; ++h) disturb(mesh_.vertex[h]);
+  for (const Index v : indices_where(mesh_.vertex_count(), [&](Index v) { return relaxed.quasi_critical[v] != 0; }))
+    disturb(v);
 }
 
 /// What is frozen does not move at all, and costs nothing.
@@ -362,7 +361,9 @@ Tracker::Evidence Tracker::sample(const FieldFrame& frame, FrameReport& report) 
     evidence.lattice = std::move(before_.lattice);
     evidence.lattice.same_as.resize(evidence.lattice.brick_count());
     std::iota(evidence.lattice.same_as.begin(), evidence.lattice.same_as.end(), Index(0));
+    evidence.lattice.gone.clear();
     evidence.topology = std::move(before_.topology);
+    evidence.topology.changed.emplace();
     return evidence;
   }
   evidence.lattice = goes_on_ && same_spacing

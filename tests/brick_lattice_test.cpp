@@ -14,6 +14,7 @@
 #include "core/field/skeleton_field.h"
 #include "core/sampling/marching_cubes.h"
 #include "core/sampling/plain_grid.h"
+#include "core/topology/match.h"
 #include "sanitized.h"
 
 using namespace isoskin;
@@ -205,11 +206,40 @@ void expect_same(const LatticeTopology& a, const LatticeTopology& b) {
   EXPECT_TRUE(a.volume == b.volume);
 }
 
+/// Vertices in and about the lattice's bricks, and without triangles.
+TriangleMesh scattered_about(const BrickLattice& lattice) {
+  TriangleMesh mesh;
+  for (const IVec3& brick : lattice.coordinate)
+    for (int k = 0; k < 12; ++k) {
+      const DVec3 off(std::sin(7.0 * k + brick.y), std::sin(11.0 * k + brick.z), std::sin(13.0 * k + brick.x));
+      mesh.vertices.position.emplace_back(lattice.point(8 * brick) + lattice.spacing * (4.0 + 6.0 * off));
+    }
+  mesh.vertices.resize(mesh.vertices.position.size());
+  return mesh;
+}
+
+/// Votes that go on from those of the lattice before are those of the new one. Some vertices move with it.
+void expect_votes(const BrickLattice& lattice, const LatticeTopology& topology, TriangleMesh& mesh,
+                  std::vector<Index>& votes) {
+  MeshChanges changes;
+  changes.moved.assign(mesh.vertex_count(), 0);
+  changes.vertex_before.resize(mesh.vertex_count());
+  std::iota(changes.vertex_before.begin(), changes.vertex_before.end(), Index{0});
+  for (std::size_t v = 0; v < mesh.vertex_count(); v += 7) {
+    mesh.vertices.position[v] += Vec3(float(3.0 * lattice.spacing));
+    changes.moved[v] = 1;
+  }
+  votes = piece_votes(mesh, lattice, topology, votes, &changes);
+  EXPECT_EQ(votes, piece_votes(mesh, lattice, topology));
+}
+
 /// Follows fields through resample_lattice() and lattice_topology(). Returns the share of bricks that were taken over.
 double expect_resampled(const std::vector<std::shared_ptr<const Field>>& fields, double spacing) {
   Host host;
   BrickLattice lattice = host.sample(fields[0], spacing);
   LatticeTopology topology = lattice_topology(lattice);
+  TriangleMesh mesh = scattered_about(lattice);
+  std::vector<Index> votes = piece_votes(mesh, lattice, topology);
   std::size_t bricks = 0, kept = 0, details = 0;
   for (std::size_t k = 1; k < fields.size(); ++k) {
     SCOPED_TRACE(k);
@@ -221,6 +251,7 @@ double expect_resampled(const std::vector<std::shared_ptr<const Field>>& fields,
     expect_same(lattice, whole);
     topology = lattice_topology(lattice, std::move(topology));
     expect_same(topology, lattice_topology(whole));
+    expect_votes(lattice, topology, mesh, votes);
     details += lattice.face.size() + lattice.revealed.size();
     for (std::size_t b = 0; b < lattice.same_as.size(); ++b) {
       const Index from = lattice.same_as[b];

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 
@@ -112,6 +113,7 @@ FieldChanges changes_between(const Field& before, const Field& after) {
 }
 
 ChangeMask::ChangeMask(const FieldChanges& changes, double margin) : everywhere_(changes.everywhere) {
+  if (everywhere_) std::swap(low_, high_);
   if (everywhere_ || changes.box.empty()) return;
   constexpr double kMostCells = 1 << 22, kCellsABox = 4.0;
   Box all;
@@ -129,6 +131,8 @@ ChangeMask::ChangeMask(const FieldChanges& changes, double margin) : everywhere_
   while ((across.x / side_ + 1.0) * (across.y / side_ + 1.0) * (across.z / side_ + 1.0) > kMostCells) side_ *= 2.0;
   origin_ = all.low;
   size_ = IVec3(glm::floor(across / side_)) + 1;
+  low_ = origin_ - side_;  // by more than rounding
+  high_ = origin_ + side_ * DVec3(size_ + 1);
   cell_.assign(static_cast<std::size_t>(size_.x) * size_.y * size_.z, 0);
   for (const Box& box : changes.box) {
     const Box grown = box.grown(margin - kSliver * side_);
@@ -144,14 +148,7 @@ IVec3 ChangeMask::cell_of(const DVec3& p) const {
   return IVec3(glm::clamp(glm::floor((p - origin_) / side_), DVec3(-1.0), DVec3(size_)));
 }
 
-bool ChangeMask::contains(const DVec3& p) const {
-  return overlaps({p, p});
-}
-
-bool ChangeMask::overlaps(const Box& b) const {
-  if (everywhere_ || cell_.empty()) return everywhere_;
-  const DVec3 low_end = origin_ - side_, high_end = origin_ + side_ * DVec3(size_ + 1);  // wider than rounding
-  if (glm::any(glm::lessThan(b.high, low_end)) || glm::any(glm::greaterThan(b.low, high_end))) return false;
+bool ChangeMask::any_cell(const Box& b) const {
   const Box open = b.grown(glm::all(glm::greaterThan(b.size(), DVec3(4.0 * kSliver * side_))) ? -kSliver * side_ : 0.0);
   const IVec3 low = glm::max(cell_of(open.low), IVec3(0)), high = glm::min(cell_of(open.high), size_ - 1);
   for (int x = low.x; x <= high.x; ++x)

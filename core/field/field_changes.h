@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/field/field.h"
@@ -33,14 +34,21 @@ public:
   bool everywhere() const { return everywhere_; }
   /// Nothing has changed.
   bool empty() const { return !everywhere_ && cell_.empty(); }
-  bool contains(const DVec3& p) const;
+  bool contains(const DVec3& p) const { return !beyond(p, p) && (everywhere_ || any_cell({p, p})); }
   /// Does a box reach into the open box `b`?
-  bool overlaps(const Box& b) const;
+  bool overlaps(const Box& b) const { return !beyond(b.low, b.high) && (everywhere_ || any_cell(b)); }
 
 private:
+  /// Most of what is asked for.
+  bool beyond(const DVec3& low, const DVec3& high) const {
+    return high.x < low_.x || high.y < low_.y || high.z < low_.z || low.x > high_.x || low.y > high_.y ||
+           low.z > high_.z;
+  }
+  bool any_cell(const Box& b) const;
   IVec3 cell_of(const DVec3& p) const;
 
   bool everywhere_ = false;
+  DVec3 low_{std::numeric_limits<double>::infinity()}, high_{-std::numeric_limits<double>::infinity()};  // of all cells
   DVec3 origin_{0.0};
   double side_ = 1.0;  // of a cell
   IVec3 size_{0};

@@ -32,8 +32,8 @@ std::vector<Index> collect(std::size_t n, std::size_t block, const Visit& visit)
 /// The i < n with keep(i), ascending. Parallel; keep is called once for each i.
 template <class Keep>
 std::vector<Index> indices_where(std::size_t n, const Keep& keep) {
-  constexpr std::size_t kBlock = 4096;
-  return collect(n, kBlock, [&](Index i, std::vector<Index>& list) {
+  constexpr std::size_t kLeast = 128, kMost = 4096, kTasks = 64;  // a task is worth so many; short lists make few
+  return collect(n, std::clamp(n / kTasks, kLeast, kMost), [&](Index i, std::vector<Index>& list) {
     if (keep(i)) list.push_back(i);
   });
 }

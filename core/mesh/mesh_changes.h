@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
+#include "core/parallel.h"
 
 namespace isoskin {
 
@@ -14,8 +15,11 @@ struct MeshCopy {
   std::vector<Vec3> position;     // one a vertex
 
   MeshCopy() = default;
-  explicit MeshCopy(const TriangleMesh& mesh)
-      : vertex(mesh.vertex), id(mesh.vertices.id), position(mesh.vertices.position) {}
+  explicit MeshCopy(const TriangleMesh& mesh) {
+    copy_column(mesh.vertex, vertex);
+    copy_column(mesh.vertices.id, id);
+    copy_column(mesh.vertices.position, position);
+  }
 };
 
 struct MeshChanges {

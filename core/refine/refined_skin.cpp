@@ -94,12 +94,17 @@ private:
       const Index old = old_vertex(Index(v));
       moved[v] = old == kNone || !same_bits(skin_.position(Index(v)), old_position(old));
     });
-    const ChangeMask mask(changes, double(options_.project.reach));
-    return indices_where(skin_.triangle_count(), [&](Index t) {
-      const Index *v = &skin_.vertex[3 * t], old = old_triangle(t);
-      return old == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]] ||
-             (!mask.empty() && mask.overlaps(last_.bounds(old).box()));
+    std::vector<Index> changed = indices_where(skin_.triangle_count(), [&](Index t) {
+      const Index* v = &skin_.vertex[3 * t];
+      return old_triangle(t) == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]];
     });
+    const ChangeMask mask(changes, double(options_.project.reach));
+    if (mask.empty()) return changed;
+    for (const Index o : last_.triangles_reached([&](const Box& box) { return mask.overlaps(box); }))
+      if (match_.new_triangle(o) != kNone) changed.push_back(match_.new_triangle(o));
+    std::sort(changed.begin(), changed.end());
+    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+    return changed;
   }
 
   /// Distances up to the halo's end; false when that is too much of the skin.
@@ -253,7 +258,11 @@ private:
       if (core(triangle_[i])) last_.bounds_[last_.slot_[triangle_[i]]] = last_.find_bounds(triangle_[i]);
     });
     for (const Index t : triangle_)
-      if (core(t)) last_.changed_->push_back(last_.bounds(t).box());
+      if (core(t)) {
+        last_.changed_->push_back(last_.bounds(t).box());
+        blocks_.push_back(last_.slot_[t] / kBlockSlots);
+      }
+    last_.update_blocks(std::move(blocks_));
     list_crossings();
     last_.ordered_ = last_.ordered_ && same_rows_;
     last_.refined_triangles_ = triangle_.size();
@@ -290,6 +299,9 @@ private:
       last_.free_children_.give_back(std::exchange(last_.child_[last_.slot_[o]], {}));
       last_.free_vertices_.give_back(std::exchange(last_.fresh_[last_.slot_[o]], {}));
       last_.free_slots_.push_back(last_.slot_[o]);
+      last_.bounds_[last_.slot_[o]] = {};
+      last_.triangle_[last_.slot_[o]] = kNone;
+      blocks_.push_back(last_.slot_[o] / kBlockSlots);
     }
     std::vector<Index> slot(match_.triangles()), corner(match_.vertices());
     for_each_index(slot.size(), [&](std::size_t t) {
@@ -306,6 +318,7 @@ private:
     last_.corner_ = std::move(corner);
     for (const Index t : triangle_)
       if (last_.slot_[t] == kNone) last_.slot_[t] = last_.new_slot();
+    for_each_index(match_.triangles(), [&](std::size_t t) { last_.triangle_[last_.slot_[t]] = Index(t); });
   }
 
   /// For what came in the core, where what was there does not have as many.
@@ -424,9 +437,26 @@ private:
   std::vector<Index> local_triangle_;     // of the skin, in the part
   std::vector<Index> owner_of_part_;      // per new vertex of the part: a triangle of it
   Refinement part_;
-  std::vector<Index> gone_;  // triangles of the skin as it was
-  bool same_rows_ = false;   // everything lies where it lay
+  std::vector<Index> gone_;    // triangles of the skin as it was
+  std::vector<Index> blocks_;  // whose bounds have changed
+  bool same_rows_ = false;     // everything lies where it lay
 };
+
+/// These, perhaps repeating.
+void RefinedSkin::update_blocks(std::vector<Index> blocks) {
+  std::sort(blocks.begin(), blocks.end());
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  block_.resize((bounds_.size() + kBlockSlots - 1) / kBlockSlots);
+  for_each_index(blocks.size(), [&](std::size_t i) {
+    Bounds all;
+    const Index first = kBlockSlots * blocks[i], end = std::min(first + kBlockSlots, Index(bounds_.size()));
+    for (Index s = first; s < end; ++s) {
+      all.low = glm::min(all.low, bounds_[s].low);
+      all.high = glm::max(all.high, bounds_[s].high);
+    }
+    block_[blocks[i]] = all.box();
+  });
+}
 
 Index RefinedSkin::new_slot() {
   if (!free_slots_.empty()) {
@@ -437,6 +467,7 @@ Index RefinedSkin::new_slot() {
   child_.emplace_back();
   fresh_.emplace_back();
   bounds_.emplace_back();
+  triangle_.push_back(kNone);
   if (!counted_.empty()) counted_.emplace_back();
   return Index(child_.size() - 1);
 }
@@ -510,6 +541,10 @@ void RefinedSkin::refine_whole(const TriangleMesh& skin, Backend& backend, const
   triangles_ = geometric_.mesh.triangle_count();
   bounds_.resize(slot_.size());
   for_each_index(bounds_.size(), [&](std::size_t t) { bounds_[t] = find_bounds(Index(t)); });
+  triangle_ = slot_;
+  std::vector<Index> blocks((slot_.size() + kBlockSlots - 1) / kBlockSlots);
+  std::iota(blocks.begin(), blocks.end(), Index{0});
+  update_blocks(std::move(blocks));
   crossing_.clear();
   unlooked_.assign(skin.triangle_count(), 1);
   free_children_ = free_vertices_ = {};

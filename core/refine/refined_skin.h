@@ -6,6 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include <tbb/parallel_sort.h>
+
 #include "core/backend.h"
 #include "core/field/field_changes.h"
 #include "core/mesh/independent_edits.h"
@@ -97,6 +99,10 @@ private:
   const Rows& fresh(Index triangle) const { return fresh_[slot_[triangle]]; }
   const Bounds& bounds(Index triangle) const { return bounds_[slot_[triangle]]; }
   Bounds find_bounds(Index triangle) const;
+  template <class Reaches>
+  std::vector<Index> triangles_reached(const Reaches& reaches) const;
+  std::vector<Index> near_fresh(const std::vector<std::uint8_t>& fresh) const;
+  void update_blocks(std::vector<Index> blocks);
   std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
   std::vector<std::array<Index, 3>> plain_corners(const TriangleMesh& skin, const std::vector<Index>& some) const;
   Index new_slot();
@@ -111,9 +117,12 @@ private:
   // What is kept by triangle of the skin lies in slots, which stay where edits change numbers.
   std::vector<Index> slot_;  // per triangle of the skin
   std::vector<Index> free_slots_;
+  std::vector<Index> triangle_;              // per slot: of the skin, kNone where it is free
   mutable std::vector<Rows> child_, fresh_;  // per slot: its children and the new vertices it owns
   std::vector<Bounds> bounds_;               // per slot: of its children
-  mutable std::vector<Index> corner_;        // per vertex of the skin: its row
+  static constexpr Index kBlockSlots = 64;
+  std::vector<Box> block_;             // per so many slots: about their bounds
+  mutable std::vector<Index> corner_;  // per vertex of the skin: its row
   mutable RowPool free_children_, free_vertices_;
   mutable bool ordered_ = true, carried_ = true, normals_replaced_ = true;
   mutable std::vector<Index> without_normal_;  // rows where the gradient vanishes, once their normals are replaced
@@ -135,9 +144,23 @@ private:
   double unit_ = 1.0;
 };
 
+/// Triangles of the skin whose boxes are reached, ascending. What is reached, any box about it is, too.
+template <class Reaches>
+std::vector<Index> RefinedSkin::triangles_reached(const Reaches& reaches) const {
+  constexpr std::size_t kFew = 8;  // blocks
+  const std::vector<Index> blocks = indices_where(block_.size(), [&](Index b) { return reaches(block_[b]); });
+  std::vector<Index> reached = collect(blocks.size(), kFew, [&](Index i, std::vector<Index>& list) {
+    const Index first = kBlockSlots * blocks[i], end = std::min(first + kBlockSlots, Index(bounds_.size()));
+    for (Index s = first; s < end; ++s)
+      if (triangle_[s] != kNone && reaches(bounds_[s].box())) list.push_back(triangle_[s]);
+  });
+  tbb::parallel_sort(reached.begin(), reached.end());
+  return reached;
+}
+
 template <class Reaches>
 TriangleMesh RefinedSkin::triangles_where(const Reaches& reaches) const {
-  const std::vector<Index> reached = indices_where(slot_.size(), [&](Index t) { return reaches(bounds(t).box()); });
+  const std::vector<Index> reached = triangles_reached(reaches);
   std::vector<std::size_t> first(reached.size() + 1, 0);
   for (std::size_t i = 0; i < reached.size(); ++i) first[i + 1] = first[i] + 3 * std::size_t{child(reached[i]).count};
   TriangleMesh out;

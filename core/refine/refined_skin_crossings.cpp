@@ -57,8 +57,10 @@ public:
       });
   }
 
+  /// Most of what is reached by none.
+  bool beyond(const FlatBox& box) const { return !overlap(box, all_); }
   bool reach(const FlatBox& box) {
-    return overlap(box, all_) && any_cell(box, [](std::uint8_t cell) { return cell != 0; });
+    return !beyond(box) && any_cell(box, [](std::uint8_t cell) { return cell != 0; });
   }
 
 private:
@@ -83,16 +85,22 @@ private:
   std::vector<std::uint8_t> marked_;
 };
 
-/// Those whose boxes may touch that of a fresh one, fresh ones too; ascending.
-template <class BoxOf>
-std::vector<Index> near_fresh(const BoxOf& box_of, const std::vector<std::uint8_t>& fresh) {
-  const std::vector<Index> list = indices_where(fresh.size(), [&](Index t) { return fresh[t] != 0; });
-  const bool most = 2 * list.size() > fresh.size();
-  MarkedCells cells(box_of, most ? std::vector<Index>() : list);
-  return indices_where(fresh.size(), [&](Index t) { return most || fresh[t] || cells.reach(box_of(t)); });
-}
-
 }  // namespace
+
+/// Those whose boxes may touch that of a fresh one, fresh ones too; ascending.
+std::vector<Index> RefinedSkin::near_fresh(const std::vector<std::uint8_t>& fresh) const {
+  const std::vector<Index> list = indices_where(fresh.size(), [&](Index t) { return fresh[t] != 0; });
+  if (2 * list.size() > fresh.size()) return indices_where(fresh.size(), [](Index) { return true; });
+  const auto box_of = [&](Index t) { return FlatBox{bounds(t).low, bounds(t).high}; };
+  MarkedCells cells(box_of, list);
+  const std::vector<Index> about = triangles_reached([&](const Box& box) {
+    return !cells.beyond({Vec3(box.low), Vec3(box.high)});
+  });
+  std::vector<Index> near =
+      indices_where(about.size(), [&](Index i) { return fresh[about[i]] || cells.reach(box_of(about[i])); });
+  for (Index& i : near) i = about[i];
+  return near;
+}
 
 RefinedSkin::Bounds RefinedSkin::find_bounds(Index triangle) const {
   Bounds bounds;
@@ -179,7 +187,7 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
   const Span span("crossings");
   if (std::find(fresh.begin(), fresh.end(), 1) == fresh.end()) return {};
   const auto flat = [&](Index t) { return FlatBox{bounds(t).low, bounds(t).high}; };
-  const std::vector<Index> some = near_fresh(flat, fresh);
+  const std::vector<Index> some = near_fresh(fresh);
   const auto vertex = [&](Index c, int k) { return geometric_.mesh.vertex[3 * c + Index(k)]; };
   const auto share = [&](Index c, Index d) {
     for (int i = 0; i < 3; ++i)

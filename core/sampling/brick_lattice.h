@@ -55,6 +55,7 @@ struct BrickLattice {
   bool extended = false;                       // bricks had to be added
   /// Of resample_lattice(): per brick, the one of the lattice before that is alike in all its cells, else kNone.
   std::vector<Index> same_as;
+  std::vector<IVec3> gone;  // of the same: bricks of the lattice before that this one does not have
 
   /// Where a brick keeps the value of its corner `c` (0..8 on each axis).
   static int corner_index(const IVec3& c) { return (c.x * kCorners + c.y) * kCorners + c.z; }

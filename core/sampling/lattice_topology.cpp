@@ -11,6 +11,7 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include "core/disjoint_sets.h"
+#include "core/mesh/independent_edits.h"
 #include "core/sampling/ambiguous_faces.h"
 #include "core/sampling/brick_signs.h"
 #include "core/sampling/cell_shapes.h"
@@ -360,14 +361,28 @@ bool parts_stay(const std::vector<Index>& same_as, const LatticeTopology& before
   return true;
 }
 
-void find_parts(const BrickLattice& lattice, const std::vector<Index>& same_as, LatticeTopology& before,
-                LatticeTopology& t) {
+/// One byte a brick: whether its parts were not taken over.
+std::vector<std::uint8_t> find_parts(const BrickLattice& lattice, const std::vector<Index>& same_as,
+                                     LatticeTopology& before, LatticeTopology& t) {
   t.parts = taken_over(std::move(before.parts), same_as);
+  std::vector<std::uint8_t> found(t.parts.size());
   tbb::enumerable_thread_specific<PartFinder> finder;
   for_bricks(t.parts.size(), [&](std::size_t b) {
+    found[b] = same_as[b] == kNone;
     if (!t.signs[b].mixed()) return;
-    if (same_as[b] == kNone || !parts_stay(same_as, before, t, b, same_as[b]))
-      t.parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
+    found[b] = found[b] || !parts_stay(same_as, before, t, b, same_as[b]);
+    if (found[b]) t.parts[b] = finder.local().find(lattice, t, static_cast<Index>(b));
+  });
+  return found;
+}
+
+/// See LatticeTopology::changed.
+std::vector<Index> changed_bricks(const std::vector<Index>& same_as, const std::vector<std::uint8_t>& found,
+                                  const LatticeTopology& before, const LatticeTopology& t) {
+  return indices_where(same_as.size(), [&](Index b) {
+    if (found[b]) return true;
+    const auto piece = t.part_piece.begin() + t.first_part[b], end = t.part_piece.begin() + t.first_part[b + 1];
+    return !std::equal(piece, end, before.part_piece.begin() + before.first_part[same_as[b]]);
   });
 }
 
@@ -454,8 +469,9 @@ LatticeTopology lattice_topology(const BrickLattice& lattice, LatticeTopology be
   const std::vector<Index> same_as = goes_on ? lattice.same_as : std::vector<Index>(lattice.brick_count(), kNone);
   LatticeTopology t;
   find_cells_and_crossings(lattice, same_as, before, t);
-  find_parts(lattice, same_as, before, t);
+  const std::vector<std::uint8_t> found = find_parts(lattice, same_as, before, t);
   join_parts(lattice, t);
+  if (goes_on) t.changed = changed_bricks(same_as, found, before, t);
   return t;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/mesh/triangle_mesh.h"
@@ -78,6 +79,10 @@ struct LatticeTopology {
   std::vector<double> volume;  // per piece: enclosed volume, world units^3, negative for a cavity: the mean over the
                                // three axes of the length of lattice lines within, so rough for a few corners
   std::vector<Box> box;        // per piece: bounds of its crossings
+
+  /// Bricks whose patches, or the numbers of their pieces, are not those they had before, ascending; nothing where
+  /// there was nothing before.
+  std::optional<std::vector<Index>> changed;
 
   std::size_t piece_count() const { return euler.size(); }
   /// Calls visit(piece) for every patch in cell (x * 8 + y) * 8 + z of a brick.

@@ -102,7 +102,7 @@ private:
       all.push_back(brick);
       source.push_back(from);
     };
-    std::vector<IVec3> gone;
+    lattice_.gone.clear();
     for (std::size_t b = 0; b < kept.size(); ++b) {
       const IVec3& brick = lattice_.coordinate[b];
       for (; next < candidates.size() && before(candidates[next], brick); ++next) add(candidates[next], kNone);
@@ -111,7 +111,7 @@ private:
       if (kept[b] || again)
         add(brick, Index(b));
       else
-        gone.push_back(brick);
+        lattice_.gone.push_back(brick);
     }
     for (; next < candidates.size(); ++next) add(candidates[next], kNone);
     sampling::check_count(all.size(), max_bricks, lattice_.spacing);
@@ -125,7 +125,7 @@ private:
     for_each_index(changed_.size(), [&](std::size_t b) {
       changed_[b] = lattice_.same_as[b] == kNone || touched(lattice_.coordinate[b]);
     });
-    for (const IVec3& brick : gone)
+    for (const IVec3& brick : lattice_.gone)
       for (int i = 0; i < 27; ++i) {
         const Index b = lattice_.find(brick + IVec3(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
         if (b != kNone) changed_[b] = 1;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 #include <tbb/parallel_invoke.h>
@@ -74,13 +75,17 @@ std::string Certificate::summary() const {
 Certificate certify(const TriangleMesh& mesh, const MeshPieces& pieces, const Field& field, const BrickLattice& lattice,
                     const LatticeTopology& topology, const CertifyOptions& options, SideMemory* memory,
                     std::optional<MeshChanges> changes) {
+  std::vector<Index> vote =
+      piece_votes(mesh, lattice, topology, memory ? std::exchange(memory->vote, {}) : std::vector<Index>{},
+                  memory && changes ? &*changes : nullptr);
   SideReport sides;
   std::vector<Cluster> clusters;
   tbb::parallel_invoke(
       [&] {
         sides = check_sides(mesh, pieces, field, lattice, topology, options.tolerance, memory, std::move(changes));
       },
-      [&] { clusters = match_pieces(mesh, pieces, lattice, topology, options.least_piece); });
+      [&] { clusters = match_pieces(mesh, pieces, lattice, topology, options.least_piece, vote); });
+  if (memory) memory->vote = std::move(vote);
   Certificate certificate;
   certificate.corners_checked = sides.checked;
   certificate.wrong_side = sides.wrong;

@@ -342,14 +342,20 @@ std::vector<Index> triangles_about(const TriangleMesh& mesh, const BrickLattice&
   constexpr double kSlack = 0.01;  // of a corner, for rounding
   if (wanted.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
   const QuietColumns quiet(lattice, numbers, wanted);
-  std::vector<std::uint32_t> name(mesh.vertex_count());
-  for_each_index(name.size(), [&](std::size_t v) { name[v] = quiet.name(mesh.position(Index(v))); });
   // The first and last columns about a vertex.
-  const auto about = [&](Index v) -> std::array<glm::ivec2, 2> {
+  using Columns = std::array<glm::ivec2, 2>;
+  const auto columns_about = [&](Index v) -> Columns {
     const glm::dvec2 q(in_lattice(lattice, mesh.vertices.position[v], v));
     return {glm::ivec2(glm::floor((q - (1.0 + kSlack)) / double(kCells))),
             glm::ivec2(glm::floor((q + kSlack) / double(kCells)))};
   };
+  std::vector<std::uint32_t> name(mesh.vertex_count());
+  std::vector<Columns> known(mesh.vertex_count());  // where the name is 0
+  for_each_index(name.size(), [&](std::size_t v) {
+    name[v] = quiet.name(mesh.position(Index(v)));
+    if (name[v] == 0) known[v] = columns_about(Index(v));
+  });
+  const auto about = [&](Index v) { return name[v] == 0 ? known[v] : columns_about(v); };
   return indices_where(mesh.triangle_count(), [&](Index t) {
     const Index* const v = &mesh.vertex[3 * std::size_t{t}];
     if (QuietColumns::about(name[v[0]], name[v[1]], name[v[2]])) return false;

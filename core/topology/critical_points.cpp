@@ -257,8 +257,10 @@ CriticalSearch find_critical_points(const Field& field, Backend& backend, std::s
 
 std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend, const ChangeMask& about) {
   if (about.empty()) return {};
-  std::vector<std::uint8_t> least(mesh.vertex_count());
-  for_each_index(least.size(), [&](std::size_t v) { least[v] = about.contains(DVec3(mesh.position(Index(v)))); });
+  const std::vector<Index> near =
+      indices_where(mesh.vertex_count(), [&](Index v) { return about.contains(DVec3(mesh.position(v))); });
+  std::vector<std::uint8_t> least(mesh.vertex_count(), 0);
+  for (const Index v : near) least[v] = 1;
   constexpr std::size_t kBlock = 4096;
   const std::vector<Index> leaving = collect(mesh.triangle_count(), kBlock, [&](Index t, std::vector<Index>& list) {
     const Index* const v = &mesh.vertex[3 * std::size_t{t}];
@@ -281,7 +283,7 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
   for (const Index h : leaving)
     if (slope[asked[mesh.to(h)]] < slope[asked[mesh.from(h)]]) least[mesh.from(h)] = 0;
   std::vector<DVec3> seeds;
-  for (Index v = 0; v < least.size(); ++v)
+  for (const Index v : near)
     if (least[v] && asked[v] != kNone) seeds.emplace_back(mesh.position(v));
   return seeds;
 }

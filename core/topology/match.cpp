@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "core/disjoint_sets.h"
@@ -80,16 +81,22 @@ private:
   Index last_number_ = kNone;
 };
 
+/// Where votes may ask for one of these bricks, or for one that is no more.
+ChangeMask about_changes(const BrickLattice& lattice, const std::vector<Index>& bricks) {
+  constexpr double kReach = 1.01;  // cells
+  FieldChanges changes;
+  for (const Index b : bricks) changes.box.push_back(lattice.box(lattice.coordinate[b]));
+  for (const IVec3& brick : lattice.gone) changes.box.push_back(lattice.box(brick));
+  return ChangeMask(changes, kReach * lattice.spacing);
+}
+
 /// Votes by pair of pieces, sorted by mesh piece, then by lattice piece.
-std::vector<Votes> count_votes(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
-                               const LatticeTopology& topology) {
-  std::vector<std::vector<Votes>> runs((mesh.vertex_count() + kChunk - 1) / kChunk);
+std::vector<Votes> count_votes(const MeshPieces& pieces, const std::vector<Index>& vote) {
+  std::vector<std::vector<Votes>> runs((vote.size() + kChunk - 1) / kChunk);
   tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t k) {
-    Cells cells(lattice, topology);
-    for (std::size_t v = k * kChunk; v < std::min(mesh.vertex_count(), (k + 1) * kChunk); ++v) {
-      if (pieces.of_vertex[v] == kNone) continue;
-      const Index to = cells.vote(mesh.vertices.position[v]);
-      if (to == kNone) continue;
+    for (std::size_t v = k * kChunk; v < std::min(vote.size(), (k + 1) * kChunk); ++v) {
+      const Index to = vote[v];
+      if (pieces.of_vertex[v] == kNone || to == kNone) continue;
       if (!runs[k].empty() && runs[k].back().mesh == pieces.of_vertex[v] && runs[k].back().lattice == to)
         ++runs[k].back().count;
       else
@@ -182,9 +189,32 @@ std::vector<std::pair<Index, Index>> overlaps(const std::vector<Votes>& votes, c
 
 }  // namespace
 
+std::vector<Index> piece_votes(const TriangleMesh& mesh, const BrickLattice& lattice, const LatticeTopology& topology,
+                               const std::vector<Index>& before, const MeshChanges* changes) {
+  constexpr std::size_t kMostChanged = 4;  // one in so many bricks
+  constexpr std::size_t kFew = 256;        // vertices
+  std::vector<Index> vote(mesh.vertex_count()), asked;
+  if (changes && !before.empty() && topology.changed &&
+      topology.changed->size() * kMostChanged <= lattice.brick_count()) {
+    const ChangeMask about = about_changes(lattice, *topology.changed);
+    asked = indices_where(vote.size(), [&](Index v) {
+      if (changes->moved[v] || about.contains(DVec3(mesh.position(v)))) return true;
+      vote[v] = before[changes->vertex_before[v]];
+      return false;
+    });
+  } else {
+    asked = indices_where(vote.size(), [](Index) { return true; });
+  }
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, asked.size(), kFew), [&](const auto& range) {
+    Cells cells(lattice, topology);
+    for (std::size_t i = range.begin(); i != range.end(); ++i) vote[asked[i]] = cells.vote(mesh.position(asked[i]));
+  });
+  return vote;
+}
+
 std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
-                                  const LatticeTopology& topology, double least_piece) {
-  const std::vector<Votes> votes = count_votes(mesh, pieces, lattice, topology);
+                                  const LatticeTopology& topology, double least_piece, const std::vector<Index>& vote) {
+  const std::vector<Votes> votes = count_votes(pieces, vote);
   Matching matching = mutual_matches(votes, pieces.count(), topology.piece_count());
   match_leftovers(mesh, pieces, lattice, topology, matching);
   // Disjoint sets over mesh pieces, then lattice pieces; the representative is the smallest member.

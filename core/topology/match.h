@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "core/mesh/mesh_changes.h"
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
@@ -15,6 +16,12 @@ struct Cluster {
   std::vector<Index> mesh, lattice;
 };
 
+/// Per vertex the piece of the lattice's surface for which it votes, kNone for none; see match_pieces(). `before`:
+/// those of the mesh that `changes`, if given, begin at, and of the lattice that topology.changed begins at: only where
+/// mesh or lattice have changed vertices are asked again, with the same result. Parallel.
+std::vector<Index> piece_votes(const TriangleMesh& mesh, const BrickLattice& lattice, const LatticeTopology& topology,
+                               const std::vector<Index>& before = {}, const MeshChanges* changes = nullptr);
+
 /// Every vertex in a cell with patches of exactly one lattice piece (or, in an empty cell, with one such piece in the
 /// 26 cells around it) votes for that piece. A mesh piece and a lattice piece that vote for each other most match; mesh
 /// pieces left over take the lattice piece left over that most of their vertices have within a cell. Beyond its match a
@@ -23,7 +30,12 @@ struct Cluster {
 /// in all. Every piece is in exactly one cluster, so no stray can hide a piece that has no match of its own; clusters
 /// are in order of their first mesh piece, then of their first lattice piece. Parallel and deterministic.
 std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces, const BrickLattice& lattice,
-                                  const LatticeTopology& topology, double least_piece);
+                                  const LatticeTopology& topology, double least_piece, const std::vector<Index>& vote);
+inline std::vector<Cluster> match_pieces(const TriangleMesh& mesh, const MeshPieces& pieces,
+                                         const BrickLattice& lattice, const LatticeTopology& topology,
+                                         double least_piece) {
+  return match_pieces(mesh, pieces, lattice, topology, least_piece, piece_votes(mesh, lattice, topology));
+}
 
 /// Where skin of pieces that are merged (one byte a vertex) runs from one piece of the lattice's surface to another, by
 /// the votes of its vertices, or of those nearest along edges: a vertex of every edge with different ones, ascending.

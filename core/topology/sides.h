@@ -11,6 +11,7 @@
 #include "core/mesh/triangle_mesh.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
+#include "core/topology/match.h"
 
 namespace isoskin {
 
@@ -51,6 +52,7 @@ struct SideMemory {
   std::vector<std::uint64_t> print;    // per column: see column_prints(); empty where nothing is remembered
   std::vector<double> worst;  // per column: the greatest |F| at a corner where mesh and field differ; infinite where
                               // that is not told by the column's bricks
+  std::vector<Index> vote;    // piece_votes() of the mesh: what certify() adds
 };
 
 /// Walks up every lattice column with the winding number of the mesh on one hand and the sign of F on the other. A
