@@ -249,9 +249,8 @@ std::vector<Crossing> RefinedSkin::find_crossings(const TriangleMesh& skin,
     const Index t = some[i];
     if (fresh[t] && child(t).count > 1 && !plain_about(Index(i), Index(i))) look_at(t);
   });
-  std::vector<FlatBox> boxes(some.size());
-  for_each_index(some.size(), [&](std::size_t i) { boxes[i] = flat(some[i]); });
-  near_boxes(boxes, 0.0, [&](const TrianglePair& pair) {
+  const auto box = [&](Index i) { return flat(some[i]); };
+  near_boxes(some.size(), box, 0.0, [&](const TrianglePair& pair) {
     const Index a = some[pair.a], b = some[pair.b];
     if (!plain_about(pair.a, pair.b) && (fresh[a] || fresh[b])) look(a, b);
     return false;

@@ -47,14 +47,13 @@ std::vector<Index> creased_triangles(const TriangleMesh& skin, const OpenSet& op
 std::vector<Crossing> crossings_of(const TriangleMesh& skin, const OpenSet& open) {
   const std::vector<Index> some = creased_triangles(skin, open);
   if (some.empty()) return {};
-  std::vector<FlatBox> box(some.size());
-  for_each_index(box.size(), [&](std::size_t i) { box[i] = box_of(corners_of(skin, some[i])); });
+  const auto box = [&](Index i) { return box_of(corners_of(skin, some[i])); };
   const auto overlap = [&](const TrianglePair& pair) {
     const Index a = some[pair.a], b = some[pair.b];
     return !share_a_vertex(skin, a, b) && triangles_overlap(corners_of(skin, a), corners_of(skin, b));
   };
   std::vector<Crossing> crossings;
-  for (const TrianglePair& pair : near_boxes(box, 0.0, overlap))
+  for (const TrianglePair& pair : near_boxes(some.size(), box, 0.0, overlap))
     crossings.push_back({some[pair.a], 0, some[pair.b], 0});
   return crossings;
 }

@@ -76,19 +76,18 @@ struct CellRange {
   IVec3 low, high;
 };
 
-/// The cells' width and origin, and the range of cells of every triangle.
+/// The cells' width and origin.
 struct Grid {
   DVec3 origin{0.0};
-  double width = 1.0;
-  std::vector<CellRange> range;
+  double width = 1.0, grow = 0.0;
 
-  CellRange cells(const Vec3& low, const Vec3& high, double grow) const {
-    return {IVec3(glm::floor((DVec3(low) - grow - origin) / width)),
-            IVec3(glm::floor((DVec3(high) + grow - origin) / width))};
+  CellRange cells(const FlatBox& box) const {
+    return {IVec3(glm::floor((DVec3(box.low) - grow - origin) / width)),
+            IVec3(glm::floor((DVec3(box.high) + grow - origin) / width))};
   }
 };
 
-Grid make_grid(const std::vector<FlatBox>& box, double margin) {
+Grid make_grid(std::size_t count, const BoxOf& box_of, double margin) {
   constexpr double kTrianglesAcross = 2.0, kMostCells = double(1 << 20);  // along an axis
   constexpr std::size_t kBlock = 4096;
   struct Part {
@@ -97,7 +96,8 @@ Grid make_grid(const std::vector<FlatBox>& box, double margin) {
   };
   const auto add_boxes = [&](const tbb::blocked_range<std::size_t>& range, Part part) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
-      const DVec3 low(box[i].low), high(box[i].high), size = high - low;
+      const FlatBox box = box_of(Index(i));
+      const DVec3 low(box.low), high(box.high), size = high - low;
       part.all.add(low);
       part.all.add(high);
       part.extents += std::max({size.x, size.y, size.z});
@@ -109,17 +109,16 @@ Grid make_grid(const std::vector<FlatBox>& box, double margin) {
     a.extents += b.extents;
     return a;
   };
-  const Part whole = tbb::parallel_deterministic_reduce(tbb::blocked_range<std::size_t>(0, box.size(), kBlock), Part{},
-                                                        add_boxes, join);
+  const Part whole =
+      tbb::parallel_deterministic_reduce(tbb::blocked_range<std::size_t>(0, count, kBlock), Part{}, add_boxes, join);
   const Box& all = whole.all;
-  const double extent = whole.extents / double(std::max<std::size_t>(1, box.size()));
+  const double extent = whole.extents / double(std::max<std::size_t>(1, count));
   Grid grid;
   grid.origin = all.low - margin;
   const DVec3 size = all.size() + 2.0 * margin;
   grid.width = std::max({kTrianglesAcross * extent + margin, std::max({size.x, size.y, size.z}) / kMostCells,
                          double(std::numeric_limits<float>::min())});
-  grid.range.resize(box.size());
-  for_each_index(box.size(), [&](std::size_t t) { grid.range[t] = grid.cells(box[t].low, box[t].high, 0.5 * margin); });
+  grid.grow = 0.5 * margin;
   return grid;
 }
 
@@ -150,9 +149,9 @@ struct CellTable {
   std::vector<std::uint32_t> first;  // per bucket, CSR over `entry`; buckets + 1
   std::vector<Entry> entry;
 
-  explicit CellTable(const Grid& grid) {
+  CellTable(const Grid& grid, std::size_t count, const BoxOf& box_of) {
     constexpr std::size_t kBucketsPerTriangle = 2;  // so that few hold triangles of several cells
-    const std::size_t buckets = std::bit_ceil(kBucketsPerTriangle * grid.range.size() + 1);
+    const std::size_t buckets = std::bit_ceil(kBucketsPerTriangle * count + 1);
     const int shift = 64 - std::countr_zero(buckets);
     const auto bucket_of = [&](std::uint64_t cell) {
       return shift == 64 ? 0 : std::size_t(cell * 0x9e3779b97f4a7c15u >> shift);
@@ -161,14 +160,15 @@ struct CellTable {
       return std::atomic_ref<std::uint32_t>(counter).fetch_add(1, std::memory_order_relaxed);
     };
     first.assign(buckets + 1, 0);
-    for_each_index(grid.range.size(), [&](std::size_t t) {
-      for_each_cell(grid.range[t], [&](std::uint64_t cell, std::uint32_t) { next_in(first[bucket_of(cell) + 1]); });
+    for_each_index(count, [&](std::size_t t) {
+      for_each_cell(grid.cells(box_of(Index(t))),
+                    [&](std::uint64_t cell, std::uint32_t) { next_in(first[bucket_of(cell) + 1]); });
     });
     std::inclusive_scan(first.begin(), first.end(), first.begin());
     entry.resize(first.back());
     std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
-    for_each_index(grid.range.size(), [&](std::size_t t) {
-      for_each_cell(grid.range[t], [&](std::uint64_t cell, std::uint32_t begins) {
+    for_each_index(count, [&](std::size_t t) {
+      for_each_cell(grid.cells(box_of(Index(t))), [&](std::uint64_t cell, std::uint32_t begins) {
         entry[next_in(next[bucket_of(cell)])] = {cell, Index(t), begins};
       });
     });
@@ -180,11 +180,11 @@ struct BoxColumns {
   std::vector<float> low[3], high[3];
   std::vector<std::uint32_t> begins;
 
-  void assign(std::span<const Entry> entries, const std::vector<FlatBox>& box) {
+  void assign(std::span<const Entry> entries, const BoxOf& box_of) {
     for (int k = 0; k < 3; ++k) low[k].resize(entries.size()), high[k].resize(entries.size());
     begins.resize(entries.size());
     for (std::size_t i = 0; i < entries.size(); ++i) {
-      const FlatBox& b = box[entries[i].triangle];
+      const FlatBox b = box_of(entries[i].triangle);
       for (int k = 0; k < 3; ++k) low[k][i] = b.low[k], high[k][i] = b.high[k];
       begins[i] = entries[i].begins;
     }
@@ -230,11 +230,10 @@ bool triangles_overlap(const std::array<Vec3, 3>& a, const std::array<Vec3, 3>& 
   return edges_meet(a, b) || edges_meet(b, a);
 }
 
-std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& box, double margin,
+std::vector<TrianglePair> near_boxes(std::size_t count, const BoxOf& box_of, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
                                      PairStatistics* statistics) {
-  const Grid grid = make_grid(box, margin);
-  const CellTable table(grid);
+  const CellTable table(make_grid(count, box_of, margin), count, box_of);
 
   struct Found {
     std::vector<TrianglePair> pairs;
@@ -245,7 +244,7 @@ std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& box, double mar
   tbb::enumerable_thread_specific<Found> found;
   const auto look_into = [&](std::span<const Entry> entries, Found& own) {
     const auto count = std::uint32_t(entries.size());
-    own.boxes.assign(entries, box);
+    own.boxes.assign(entries, box_of);
     own.near.resize(count);
     for (std::uint32_t i = 0; i + 1 < count; ++i) {
       compare_boxes(own.boxes, i, count, float(margin), own.near.data());
@@ -279,15 +278,14 @@ std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& box, double mar
 std::vector<TrianglePair> near_pairs(const TriangleMesh& mesh, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
                                      PairStatistics* statistics) {
-  std::vector<FlatBox> box(mesh.triangle_count());
-  for_each_index(box.size(), [&](std::size_t t) { box[t] = box_of(corners_of(mesh, Index(t))); });
   std::atomic<std::size_t> neighbours = 0;
   const auto is_wanted = [&](const TrianglePair& pair) {
     if (!share_a_vertex(mesh, pair.a, pair.b)) return wanted(pair);
     if (statistics) ++neighbours;
     return false;
   };
-  const std::vector<TrianglePair> pairs = near_boxes(box, margin, is_wanted, statistics);
+  const std::vector<TrianglePair> pairs = near_boxes(
+      mesh.triangle_count(), [&](Index t) { return box_of(corners_of(mesh, t)); }, margin, is_wanted, statistics);
   if (statistics) statistics->candidates -= neighbours;
   return pairs;
 }

@@ -34,8 +34,12 @@ struct FlatBox {
 /// Of a triangle.
 FlatBox box_of(const std::array<Vec3, 3>& corners);
 
-/// The pairs of boxes, by their numbers, that overlap when grown as in near_pairs() and are `wanted`, ascending.
-std::vector<TrianglePair> near_boxes(const std::vector<FlatBox>& boxes, double margin,
+/// Of a number, always the same; called from any thread, several times.
+using BoxOf = std::function<FlatBox(Index)>;
+
+/// The pairs of `count` boxes, by their numbers, that overlap when grown as in near_pairs() and are `wanted`,
+/// ascending.
+std::vector<TrianglePair> near_boxes(std::size_t count, const BoxOf& box_of, double margin,
                                      const std::function<bool(const TrianglePair&)>& wanted,
                                      PairStatistics* statistics = nullptr);
 
