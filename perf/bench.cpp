@@ -1,10 +1,13 @@
 // isoskin-bench: isoskin and other meshers (perf/peers.h) interleaved in one process on the same frames; prints
 // Markdown.
-//   isoskin-bench [--threads N] [--frames N] [--repeat N] [--angle D] [--sagitta S] [--only WHO] SEQUENCE...
-// --angle and --sagitta are those of `isoskin track`. A sequence is a pattern, a folder or a scene (what `isoskin
-// track` takes), or made:NAME (perf/made_inputs.h). Times exclude reading and writing files; "end to end" is wall time
-// with both. Medians over frames after the first, which has nothing to track yet; every frame is done --repeat times
-// from the same state, in turns, and its median counts. Peak memory is of further processes that run one mesher alone
+//   isoskin-bench [--threads N] [--frames N] [--repeat N] [--edge-length E] [--angle D] [--sagitta S] [--only WHO]
+//       SEQUENCE...
+// --edge-length, --angle and --sagitta are those of `isoskin track`. A sequence is a pattern, a folder or a scene (what
+// `isoskin track` takes), or made:NAME (perf/made_inputs.h). Times exclude reading and writing files; "end to end" is
+// wall time with both. Medians over frames after the first, which has nothing to track yet; every frame is done
+// --repeat times from the same state, in turns, and its median counts. Going back to that state loses what isoskin
+// keeps of the frame before, as --resume does: --repeat 1 measures frames that follow each other. Peak memory is of
+// further processes that run one mesher alone
 // (--only).
 #include <sys/resource.h>
 #include <unistd.h>
@@ -110,7 +113,8 @@ constexpr const char* kIsoskin = "isoskin";
 
 struct Options {
   int threads = 4, frames = 20, repeat = 9;
-  std::optional<double> angle, sagitta;  // of isoskin's geometric mesh
+  std::optional<double> edge_length;     // of isoskin's mechanical mesh
+  std::optional<double> angle, sagitta;  // of its geometric mesh
   std::string only;                      // one mesher's name; empty: all
 };
 
@@ -134,7 +138,8 @@ public:
     }
     last_ = scene_.source->load(first);
     TrackOptions options;
-    if (scene_.meshing.edge_length) options.edge_length = *scene_.meshing.edge_length;
+    if (const auto e = options_.edge_length ? options_.edge_length : scene_.meshing.edge_length)
+      options.edge_length = *e;
     if (options_.angle) options.refine.angle = float(*options_.angle);
     options.sagitta = options_.sagitta ? options_.sagitta : scene_.meshing.sagitta;
     Tracker tracker(make_opencl_backend(), resolved(options, *last_.field));
@@ -262,6 +267,7 @@ double peak_mib() {
 double peak_alone(const std::string& input, const Options& options, const std::string& who) {
   const std::string program = std::filesystem::read_symlink("/proc/self/exe").string();
   std::string refining;
+  if (options.edge_length) refining += fmt::format(" --edge-length {}", *options.edge_length);
   if (options.angle) refining += fmt::format(" --angle {}", *options.angle);
   if (options.sagitta) refining += fmt::format(" --sagitta {}", *options.sagitta);
   const std::string command = fmt::format("'{}' --threads {} --frames {} --repeat 1{} --only '{}' '{}' 2>/dev/null",
@@ -300,9 +306,8 @@ std::string usage() {
   for (const std::string& name : perf::made_inputs()) names += " made:" + name;
   for (const perf::Peer& peer : perf::peers()) meshers += ", " + peer.name;
   return fmt::format(
-      "[--threads N] [--frames N] [--repeat N] [--angle D] [--sagitta S] [--only WHO] SEQUENCE...; a sequence may be "
-      "one "
-      "of{}; who: {}",
+      "[--threads N] [--frames N] [--repeat N] [--edge-length E] [--angle D] [--sagitta S] [--only WHO] SEQUENCE...; "
+      "a sequence may be one of{}; who: {}",
       names, meshers);
 }
 
@@ -347,8 +352,8 @@ int main(int argc, char** argv) {
   Options options;
   const std::map<std::string, int*> numbers{
       {"--threads", &options.threads}, {"--frames", &options.frames}, {"--repeat", &options.repeat}};
-  const std::map<std::string, std::optional<double>*> lengths{{"--angle", &options.angle},
-                                                              {"--sagitta", &options.sagitta}};
+  const std::map<std::string, std::optional<double>*> lengths{
+      {"--edge-length", &options.edge_length}, {"--angle", &options.angle}, {"--sagitta", &options.sagitta}};
   std::vector<std::string> inputs;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
