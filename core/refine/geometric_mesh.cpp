@@ -60,9 +60,10 @@ public:
       if (hidden.empty() || (!left_out && !many)) return;
       copy_skin();
       if (!far_) far_.emplace(field_, lattice_, tolerance_);
+      if (!filling_) filling_.emplace(lattice_, topology_, backend_);
       const Index first_new = skin_->next_id;
       const PlaceFillingReport done =
-          fill_places(*skin_, hidden, field_, lattice_, topology_, *far_, backend_, filling());
+          fill_places(*skin_, hidden, field_, lattice_, topology_, *far_, *filling_, backend_, filling());
       if (done.filled == 0) return;
       left_out = done.left_out > 0;
       ++report_.fillings;
@@ -164,6 +165,7 @@ private:
   const double tolerance_;
   RefinedSkinOptions refining_;
   std::optional<FarCorners> far_;
+  std::optional<GrowingFilling> filling_;
   std::optional<TriangleMesh> skin_;  // the mechanical mesh with what was filled anew
   GeometricReport report_;
   bool looked_ = true;  // since the last update of the refined skin

@@ -90,13 +90,14 @@ struct Groups {
 class PlaceFiller {
 public:
   PlaceFiller(const std::vector<Vec3>& places, const Field& field, const BrickLattice& lattice,
-              const LatticeTopology& topology, const FarCorners& far, Backend& backend,
+              const LatticeTopology& topology, const FarCorners& far, GrowingFilling& filling, Backend& backend,
               const PlaceFillingOptions& options)
       : places_(places),
         field_(field),
         lattice_(lattice),
         topology_(topology),
         far_(far),
+        filling_(filling),
         backend_(backend),
         options_(options),
         near_(places, float(options.radius * options.edge_length)) {}
@@ -148,6 +149,9 @@ private:
   /// Where only some of a piece is among the triangles, and it is small or may be emptied, all of it comes.
   void add_small_pieces(const TriangleMesh& skin, std::vector<Index>& triangles) const {
     std::vector<std::uint8_t> seen(skin.triangle_count(), 0), among(skin.triangle_count(), 0);
+    std::vector<std::uint8_t> is_near(skin.vertex_count());
+    std::vector<Index> met(skin.triangle_count(), kNone);  // beyond what hangs together with triangle number ...
+    for_each_index(is_near.size(), [&](std::size_t v) { is_near[v] = near_.any_near(skin.position(Index(v))); });
     for (const Index t : triangles) among[t] = 1;
     const std::size_t count = triangles.size();
     for (std::size_t i = 0; i < count; ++i) {
@@ -160,16 +164,15 @@ private:
       std::vector<Index> outside;
       for (std::size_t k = 0; k < piece.size(); ++k)
         for (Index h = 3 * piece[k]; h < 3 * piece[k] + 3; ++h) {
-          near += near_.any_near(skin.position(skin.vertex[h]));
+          near += is_near[skin.vertex[h]];
           const Index next = skin.twin[h] / 3;
           if (!among[next])
             outside.push_back(next);
           else if (!std::exchange(seen[next], 1))
             piece.push_back(next);
         }
-      std::set<Index> met;
       for (std::size_t k = 0; k < outside.size() && piece.size() + beyond.size() <= most(); ++k) {
-        if (among[outside[k]] || !met.insert(outside[k]).second) continue;
+        if (among[outside[k]] || std::exchange(met[outside[k]], Index(i)) == i) continue;
         beyond.push_back(outside[k]);
         for (Index h = 3 * outside[k]; h < 3 * outside[k] + 3; ++h) outside.push_back(skin.twin[h] / 3);
       }
@@ -220,7 +223,7 @@ private:
     options.collapse_passes = 0;  // as fine as the lattice: coarser triangles would cut short what they are here for
     options.carry = false;
     const ReskinReport done =
-        reskin(now, replaced.pieces, replaced.certificate, sites, lattice_, topology_, backend_, options);
+        reskin(now, replaced.pieces, replaced.certificate, sites, lattice_, topology_, backend_, options, &filling_);
     backend_.project(std::span(now.vertices.position).subspan(done.first_new_vertex), options_.project, {});
     return done;
   }
@@ -409,6 +412,7 @@ private:
   const BrickLattice& lattice_;
   const LatticeTopology& topology_;
   const FarCorners& far_;
+  GrowingFilling& filling_;
   Backend& backend_;
   const PlaceFillingOptions& options_;
   const PointGrid near_;
@@ -418,8 +422,8 @@ private:
 
 PlaceFillingReport fill_places(TriangleMesh& skin, const std::vector<Vec3>& places, const Field& field,
                                const BrickLattice& lattice, const LatticeTopology& topology, const FarCorners& far,
-                               Backend& backend, const PlaceFillingOptions& options) {
-  return PlaceFiller(places, field, lattice, topology, far, backend, options).fill(skin);
+                               GrowingFilling& filling, Backend& backend, const PlaceFillingOptions& options) {
+  return PlaceFiller(places, field, lattice, topology, far, filling, backend, options).fill(skin);
 }
 
 }  // namespace isoskin

@@ -4,6 +4,7 @@
 #include "core/backend.h"
 #include "core/sampling/brick_lattice.h"
 #include "core/sampling/marching_cubes.h"
+#include "core/topology/growing_filling.h"
 #include "core/topology/sides.h"
 
 namespace isoskin {
@@ -26,9 +27,10 @@ struct PlaceFillingReport {
 /// or, where a gap of a sheet lies elsewhere in the lattice, all odd holes of a piece together; and no lattice corner
 /// that is far from the surface changes sides; a piece that goes as a whole, because it is small or would be emptied
 /// but for scraps, becomes the piece of the lattice that it was matched with. Costs what the places and the skin about
-/// them do, and a few looks over the skin. The backend must hold the field. Deterministic.
+/// them do, and a few looks over the skin. The backend must hold the field. `filling`: of the same lattice, topology
+/// and backend; calls for one field make it once. Deterministic.
 PlaceFillingReport fill_places(TriangleMesh& skin, const std::vector<Vec3>& places, const Field& field,
                                const BrickLattice& lattice, const LatticeTopology& topology, const FarCorners& far,
-                               Backend& backend, const PlaceFillingOptions& options);
+                               GrowingFilling& filling, Backend& backend, const PlaceFillingOptions& options);
 
 }  // namespace isoskin
