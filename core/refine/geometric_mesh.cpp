@@ -5,6 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include <tbb/parallel_invoke.h>
+
 #include "core/refine/place_filling.h"
 #include "core/refine/untangle.h"
 #include "core/topology/triangle_pairs.h"
@@ -36,6 +38,18 @@ public:
     look_at_sides(changes);
   }
 
+  /// The same where little has changed, beside a look for self-intersections: both are short, and one thread's for much
+  /// of the time.
+  void refine_and_look(const FieldChanges* changes) {
+    refine_only(changes);
+    bool little = kept_.refined_.changed().has_value();
+    if (little) {
+      const Span span("look");
+      tbb::parallel_invoke([&] { little = look_about(changes); }, [&] { find_crossings(); });
+    }
+    if (!little) look_at_sides(changes);
+  }
+
   void refine_only(const FieldChanges* changes) {
     refining_.adds_changes = !std::exchange(looked_, false);
     kept_.refined_.update(skin(), changes, backend_, refining_);
@@ -45,8 +59,7 @@ public:
   void look_at_sides(const FieldChanges* changes) {
     const Span span("look");
     looked_ = true;
-    const double least = tolerance_ * std::min(1.0, options_.hidden_corner);
-    kept_.wrong_.update(kept_.refined_, field_, changes, lattice_, topology_, least);
+    kept_.wrong_.update(kept_.refined_, field_, changes, lattice_, topology_, least_wrong());
   }
 
   /// Fills hidden places anew until none is left out, or it has been done often enough; twice where many stay hidden.
@@ -117,6 +130,11 @@ public:
   }
 
 private:
+  double least_wrong() const { return tolerance_ * std::min(1.0, options_.hidden_corner); }
+  bool look_about(const FieldChanges* changes) {
+    return looked_ = kept_.wrong_.update_part(kept_.refined_, field_, changes, lattice_, topology_, least_wrong());
+  }
+
   /// Before it is changed.
   void copy_skin() {
     if (!skin_) copy_mesh(mechanical_, skin_.emplace());
@@ -175,7 +193,7 @@ void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, c
                            const BrickLattice& lattice, const LatticeTopology& topology, Backend& backend,
                            const GeometricOptions& options, GeometricReport* report) {
   Making making(*this, mechanical, field, lattice, topology, backend, options);
-  making.refine(changes);
+  making.refine_and_look(changes);
   if (options.refine.passes > 0) {
     making.fill();
     making.untangle();

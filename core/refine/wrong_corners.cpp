@@ -139,36 +139,32 @@ void WrongCorners::look(const TriangleMesh& mesh, const Field& field, const Bric
   known_ = true;
 }
 
-void WrongCorners::update(const RefinedSkin& skin, const Field& field, const FieldChanges* changes,
-                          const BrickLattice& lattice, const LatticeTopology& topology, double least) {
+bool WrongCorners::update_part(const RefinedSkin& skin, const Field& field, const FieldChanges* changes,
+                               const BrickLattice& lattice, const LatticeTopology& topology, double least) {
   const auto& changed = skin.changed();
   const bool still = changes && changes->none();
   const bool goes_on = known_ && changed && changes && !changes->everywhere && !changes->rounded_anew &&
                        (still || lattice.same_as.size() == lattice.brick_count());
-  if (goes_on && still && changed->empty()) return;
+  if (!goes_on) return false;
+  if (still && changed->empty()) return true;
   ColumnStretches columns(lattice);
   std::vector<std::uint8_t> other(lattice.brick_count(), 0);  // than it was
-  if (goes_on) {
-    for (const Box& box : *changed) columns.mark(box);
-    const ChangeMask mask(*changes, 0.0);
-    for (Index b = 0; b < lattice.brick_count() && !still; ++b) {
-      other[b] = lattice.same_as[b] == kNone || mask.overlaps(lattice.box(lattice.coordinate[b]));
-      if (other[b]) columns.mark(lattice.coordinate[b]);
-    }
-    // A stretch begins where mesh and field agree, as they did.
-    for (Index b = Index(lattice.brick_count()); b-- > 1;) {
-      const IVec3 &at = lattice.coordinate[b], &below = lattice.coordinate[b - 1];
-      const bool lowest = columns.marked(at) && at.x == below.x && at.y == below.y && !columns.marked(below);
-      if (lowest && (other[b] || std::binary_search(unsure_.begin(), unsure_.end(), at, sooner)))
-        columns.lower(below, below.z);
-    }
+  for (const Box& box : *changed) columns.mark(box);
+  const ChangeMask mask(*changes, 0.0);
+  for (Index b = 0; b < lattice.brick_count() && !still; ++b) {
+    other[b] = lattice.same_as[b] == kNone || mask.overlaps(lattice.box(lattice.coordinate[b]));
+    if (other[b]) columns.mark(lattice.coordinate[b]);
   }
-  const auto share = [&] {
-    const auto marked =
-        indices_where(lattice.brick_count(), [&](Index b) { return columns.marked(lattice.coordinate[b]); });
-    return double(marked.size()) / std::max(1.0, double(lattice.brick_count()));
-  };
-  if (!goes_on || share() > kMostAnew) return look(skin.mesh().mesh, field, lattice, topology, least);
+  // A stretch begins where mesh and field agree, as they did.
+  for (Index b = Index(lattice.brick_count()); b-- > 1;) {
+    const IVec3 &at = lattice.coordinate[b], &below = lattice.coordinate[b - 1];
+    const bool lowest = columns.marked(at) && at.x == below.x && at.y == below.y && !columns.marked(below);
+    if (lowest && (other[b] || std::binary_search(unsure_.begin(), unsure_.end(), at, sooner)))
+      columns.lower(below, below.z);
+  }
+  const std::vector<Index> marked =
+      indices_where(lattice.brick_count(), [&](Index b) { return columns.marked(lattice.coordinate[b]); });
+  if (double(marked.size()) > kMostAnew * double(lattice.brick_count())) return false;
   const Section part = section(skin, lattice, topology, columns);
   std::vector<DifferingRow> rows = differing_rows(part.mesh, part.lattice, part.signs, part.anchored);
   for (DifferingRow& row : rows) row.brick = part.brick[row.brick];
@@ -185,6 +181,7 @@ void WrongCorners::update(const RefinedSkin& skin, const Field& field, const Fie
   std::merge(unsure_.begin(), unsure_.end(), fresh_unsure.begin(), fresh_unsure.end(), std::back_inserter(unsure),
              sooner);
   unsure_ = std::move(unsure);
+  return true;
 }
 
 std::vector<WrongCorners::Corner> WrongCorners::find(const std::vector<DifferingRow>& rows, const Field& field,

@@ -23,7 +23,14 @@ public:
   /// null: anything. Then `lattice` is the last call's or resample_lattice() made it from that. What comes of it
   /// depends on neither earlier calls nor what has changed.
   void update(const RefinedSkin& skin, const Field& field, const FieldChanges* changes, const BrickLattice& lattice,
-              const LatticeTopology& topology, double least);
+              const LatticeTopology& topology, double least) {
+    if (!update_part(skin, field, changes, lattice, topology, least))
+      look(skin.mesh().mesh, field, lattice, topology, least);
+  }
+  /// The same, without putting the skin's mesh in order; false, and nothing is done, where looking at all of it costs
+  /// no more.
+  bool update_part(const RefinedSkin& skin, const Field& field, const FieldChanges* changes,
+                   const BrickLattice& lattice, const LatticeTopology& topology, double least);
 
   /// Those farther from the surface, in order of the lattice's bricks.
   std::vector<Vec3> farther_than(double distance) const;
