@@ -20,7 +20,7 @@
 namespace isoskin {
 namespace {
 
-constexpr double kMostAnew = 0.4;  // of a skin: with more to refine all of it is cheaper
+constexpr double kMostAnew = 0.6;  // of a skin: with more to refine all of it is cheaper
 constexpr int kTries = 6;
 constexpr int kLeastRings = 4;        // about what has changed; the two outermost must come out as they were
 constexpr int kHalo = 2;              // rings beyond, whose splits are known
