@@ -164,21 +164,23 @@ private:
   /// Fills middle_ (the new vertex of each halfedge's edge, or kNone) and new_edge_ (one halfedge of each marked edge).
   void mark_edges() {
     const std::size_t halfedges = mesh().vertex.size();
-    std::vector<std::uint8_t> turns(halfedges);
-    for_each_index(halfedges, [&](std::size_t h) {
+    const std::vector<std::uint8_t> open = open_triangles();
+    const auto is_open = [&](Index t) { return open.empty() || open[t]; };
+    const auto turns = [&](Index h) {
       const Index twin = mesh().twin[h];
-      turns[h] = twin != kNone && differ(centroid_normal_[h / 3], centroid_normal_[twin / 3], cosine_);
-    });
+      return twin != kNone && differ(centroid_normal_[h / 3], centroid_normal_[twin / 3], cosine_);
+    };
     new_edge_ = indices_where(halfedges, [&](Index h) {
       const Index twin = mesh().twin[h];
       if (!canonical(h)) return false;
       if (is_known(h)) return known_split(h) != nullptr;
+      if (!is_open(h / 3) && !is_open(twin / 3)) return false;
       const Index a = mesh().from(h), b = mesh().to(h);
       const Vec3 edge = position(b) - position(a);
       const bool wanted = differ(out_.normal[a], out_.normal[b], cosine_) ||
                           sagitta(edge, out_.normal[a], out_.normal[b]) > sagitta_ || centroid_off(h / 3) ||
-                          centroid_off(twin / 3) || turns[TriangleMesh::next(h)] || turns[TriangleMesh::prev(h)] ||
-                          turns[TriangleMesh::next(twin)] || turns[TriangleMesh::prev(twin)];
+                          centroid_off(twin / 3) || turns(TriangleMesh::next(h)) || turns(TriangleMesh::prev(h)) ||
+                          turns(TriangleMesh::next(twin)) || turns(TriangleMesh::prev(twin));
       const float length = glm::length(edge);
       return wanted && length >= shortest_ && length > 0.0f;
     });
@@ -189,6 +191,18 @@ private:
       middle_[h] = first + Index(i);
       if (twin != kNone) middle_[twin] = middle_[h];
     });
+  }
+
+  /// One byte a triangle: those that the last pass made, and their neighbours. What is not about any was not marked in
+  /// the last pass, and nothing that edges are marked for has changed since. Empty: all.
+  std::vector<std::uint8_t> open_triangles() const {
+    if (fresh_.empty()) return {};
+    std::vector<std::uint8_t> open(mesh().triangle_count());
+    for_each_index(open.size(), [&](std::size_t t) {
+      const auto is_fresh = [&](Index h) { return mesh().twin[h] != kNone && fresh_[mesh().twin[h] / 3]; };
+      open[t] = fresh_[t] || is_fresh(Index(3 * t)) || is_fresh(Index(3 * t + 1)) || is_fresh(Index(3 * t + 2));
+    });
+    return open;
   }
 
   bool is_known(Index h) const {
@@ -335,6 +349,7 @@ private:
     std::vector<Index> vertex(3 * children), twin(3 * children), parent(children);
     std::vector<Vec3> centroid_normal(children);
     std::vector<CentroidSample> centroid(children);
+    fresh_.resize(children);
     // The child halfedge on half `half` of a parent's halfedge.
     const auto part = [&](Index h, int half) { return 3 * first[h / 3] + patterns[h / 3]->part[2 * (h % 3) + half]; };
     for_each_index(triangles, [&](std::size_t t) {
@@ -353,6 +368,7 @@ private:
         parent[child] = out_.parent_triangle[t];
         centroid_normal[child] = centroid_normal_[t];
         centroid[child] = centroid_[t];
+        fresh_[child] = pattern.count > 1;
       }
     });
     constexpr std::size_t kBlock = 4096;
@@ -416,6 +432,7 @@ private:
   GeometricMesh out_;
   std::vector<Vec3> centroid_normal_;     // field normal at each triangle's centroid
   std::vector<CentroidSample> centroid_;  // how far it lies beside the surface
+  std::vector<std::uint8_t> fresh_;       // per triangle: the last pass made it
   std::vector<Index> new_edge_;           // this pass: one halfedge of each marked edge, ascending
   std::vector<Index> middle_;             // this pass: the new vertex on each halfedge's edge, kNone when unmarked
   std::vector<Index> owner_;              // per new vertex: the triangle whose edge it came on
