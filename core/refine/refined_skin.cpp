@@ -88,6 +88,10 @@ private:
   bool core(Index t) const { return distance_[t] <= rings_ - 2; }
   bool guard(Index t) const { return inner(t) && !core(t); }
 
+  bool is_too_much(std::size_t triangles) const {
+    return double(triangles) > kMostAnew * double(skin_.triangle_count());
+  }
+
   std::vector<Index> changed_triangles(const FieldChanges& changes) const {
     std::vector<std::uint8_t> moved(skin_.vertex_count());
     for_each_index(moved.size(), [&](std::size_t v) {
@@ -99,7 +103,7 @@ private:
       return old_triangle(t) == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]];
     });
     const ChangeMask mask(changes, double(options_.project.reach));
-    if (mask.empty()) return changed;
+    if (mask.empty() || is_too_much(changed.size())) return changed;
     for (const Index o : last_.triangles_reached([&](const Box& box) { return mask.overlaps(box); }))
       if (match_.new_triangle(o) != kNone) changed.push_back(match_.new_triangle(o));
     std::sort(changed.begin(), changed.end());
@@ -113,6 +117,7 @@ private:
     for (const Index t : changed) distance_[t] = 0;
     std::vector<Index> ring = changed;
     std::size_t reached = changed.size();
+    if (is_too_much(reached)) return false;
     for (int d = 1; d <= rings_ + kHalo && !ring.empty(); ++d) {
       std::vector<Index> next;
       for (const Index t : ring)
@@ -123,7 +128,7 @@ private:
           next.push_back(other);
         }
       reached += next.size();
-      if (double(reached) > kMostAnew * double(skin_.triangle_count())) return false;
+      if (is_too_much(reached)) return false;
       ring = std::move(next);
     }
     triangle_ = indices_where(distance_.size(), [&](Index t) { return distance_[t] != kFar; });
