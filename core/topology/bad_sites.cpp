@@ -266,7 +266,7 @@ void add_strays(const std::vector<Vec3>& points, double share, const FarCorners&
 
 BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const BrickLattice& lattice,
                         const std::vector<BrickSigns>& signs, Backend& backend, const BadSiteOptions& options) {
-  constexpr double kZero = 1e-4;  // of the tolerance: no farther from the surface than projection leaves vertices
+  constexpr double kZero = 1e-6;  // of the tolerance: F is zero but for rounding
   const Span span("bad sites");
   BadSites sites;
   const FarCorners far(field, lattice, options.tolerance);
