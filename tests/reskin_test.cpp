@@ -1,6 +1,8 @@
 // Local re-skin: whatever is done to a mesh, a frame on the same field mends it where it was hurt.
 #include "core/topology/reskin.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
@@ -14,6 +16,8 @@
 #include "core/mesh/validate.h"
 #include "core/topology/crumples.h"
 #include "core/topology/filling.h"
+#include "core/topology/growing_filling.h"
+#include "core/topology/holes.h"
 #include "core/topology/inherit_ids.h"
 #include "core/topology/match.h"
 #include "core/topology/necks.h"
@@ -151,6 +155,30 @@ TEST(Reskin, MendsRandomDamageWithoutReextraction) {
     local += tally[k].without_tier3;
   }
   EXPECT_GE(double(local), 0.99 * tried);
+}
+
+TEST(Reskin, APatchThatRunsIntoTheBackOfASeamLeaksThere) {
+  GoodSkin skin;
+  const TriangleMesh& mesh = skin.mesh;
+  std::vector<std::uint8_t> hot(mesh.vertex_count());
+  for (Index v = 0; v < hot.size(); ++v) hot[v] = std::abs(mesh.position(v).z - 0.7f) < 0.2f;  // a ring about z
+  Holes holes = cut_holes(mesh, hot);
+  ASSERT_EQ(holes.seams.size(), 2u);
+  GrowingFilling filling(skin.lattice, skin.topology, *skin.backend);
+  filling.extend(mesh.vertices.position, 0.1f, 0.1f);
+  const std::vector<Vec3> normals = field_normals(mesh.vertices.position, *skin.backend);
+  lay_seams(mesh, normals, holes, filling, skin.lattice.spacing);
+  const PointGrid vertices(mesh.vertices.position, float(skin.options.edge_length));
+  holes.seams[0].failed = true;
+  const auto leaks = [&] { return follow_leaks(mesh, normals, vertices, holes, *filling); };
+  EXPECT_TRUE(leaks().seams.empty());
+  Seam& inside_out = holes.seams[1];
+  for (std::vector<Index>& path : inside_out.path) std::reverse(path.begin(), path.end());
+  std::set<Index> wanted;
+  for (const Index h : inside_out.halfedge) wanted.insert(mesh.from(h));
+  const Leaks found = leaks();
+  EXPECT_EQ(std::set<Index>(found.seams.begin(), found.seams.end()), wanted);
+  EXPECT_TRUE(found.ends.empty());
 }
 
 TEST(Reskin, LeavesAHoleAloneWhoseFillingHasTheSameTopology) {

@@ -408,11 +408,17 @@ Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, c
       for (std::size_t i = 0; i + 1 < seam.path[k].size(); ++i)
         reach(filling.triangle(seam.path[k][i], seam.path[k][i + 1]));
   Leaks leaks;
+  std::vector<std::uint8_t> behind(holes.seams.size(), 0);
   for (std::size_t i = 0; i < queue.size(); ++i)
     for (Index h = 3 * queue[i]; h < 3 * queue[i] + 3; ++h) {
       const Index a = triangle[h], b = triangle[TriangleMesh::next(h)], twin = filling.twin[h], next = twin / 3;
       if (twin == kNone) leaks.ends.push_back(filling.surface.position[a]);
-      if (twin == kNone || seen[next] || barriers.seam(a, b) != kNone || barriers.seam(b, a) != kNone) continue;
+      if (barriers.seam(a, b) != kNone) continue;
+      if (const Index seam = barriers.seam(b, a); seam != kNone) {
+        behind[seam] = 1;
+        continue;
+      }
+      if (twin == kNone || seen[next]) continue;
       Index met = kNone;
       for (Index k = 3 * next; k < 3 * next + 3 && met == kNone; ++k) met = skin.on(triangle[k]);
       if (met == kNone) {
@@ -422,6 +428,9 @@ Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, c
         leaks.skin.push_back(met);
       }
     }
+  for (Index s = 0; s < behind.size(); ++s)
+    for (std::size_t i = 0; i < holes.seams[s].halfedge.size() && behind[s]; ++i)
+      leaks.seams.push_back(mesh.from(holes.seams[s].halfedge[i]));
   return leaks;
 }
 

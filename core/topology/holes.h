@@ -57,8 +57,9 @@ Patches find_patches(Holes& holes, const Filling& filling);
 
 /// Where patches that leak run to.
 struct Leaks {
-  std::vector<Index> skin;  // vertices of the mesh, away from holes, whose surface is reached
-  std::vector<Vec3> ends;   // places where the filling ends too early
+  std::vector<Index> skin;   // vertices of the mesh, away from holes, whose surface is reached
+  std::vector<Index> seams;  // vertices of the mesh, on seams that are reached from behind
+  std::vector<Vec3> ends;    // places where the filling ends too early
 };
 
 /// Follows the patches of failed seams, whose paths must be complete, as far as no skin lies on them that stays. Where

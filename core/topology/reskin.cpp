@@ -297,7 +297,8 @@ Cut cut(const Scene& scene, const std::vector<std::uint8_t>& hot, const std::vec
 }
 
 /// Where holes have to be wider for their seams to fit: at edges that cannot be joined on the filling; where all can,
-/// at skin that patches run into, else at the seams that leak. `ends`: where the filling has to reach farther.
+/// at skin that patches run into, else at seams whose backs they run into, else at the seams that leak. `ends`: where
+/// the filling has to reach farther.
 struct Misfit {
   std::vector<Index> vertices;
   std::vector<Vec3> ends;
@@ -314,8 +315,8 @@ Misfit misfit(const Scene& scene, const Cut& cut, const Filling& filling, const 
   if (!misjoined.empty()) return {misjoined, {}};
   if (leaking.empty()) return {};
   Leaks leaks = follow_leaks(mesh, scene.normals, skin, cut.holes, filling);
-  if (leaks.skin.empty() && leaks.ends.empty()) return {leaking, {}};
-  return {std::move(leaks.skin), std::move(leaks.ends)};
+  if (!leaks.skin.empty() || !leaks.ends.empty()) return {std::move(leaks.skin), std::move(leaks.ends)};
+  return {leaks.seams.empty() ? leaking : std::move(leaks.seams), {}};
 }
 
 /// What holes that fit become: nothing where their seams failed, or nothing had to be replaced.
