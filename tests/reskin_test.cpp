@@ -27,6 +27,7 @@
 #include "tests/analytic_fields.h"
 #include "tests/damage.h"
 #include "tests/sanitized.h"
+#include "tests/solid_field.h"
 
 using namespace isoskin;
 
@@ -155,6 +156,32 @@ TEST(Reskin, MendsRandomDamageWithoutReextraction) {
     local += tally[k].without_tier3;
   }
   EXPECT_GE(double(local), 0.99 * tried);
+}
+
+TEST(Reskin, WhereALostSpikeLeavesTheMeshIsSurelyBad) {
+  const GoodSkin ball(std::make_shared<analytic::SphereField>(DVec3(0.0), 1.0));
+  const SolidField::Solid thread = solid::rod({0.9, 0.01, 0.01}, {1.8, 0.01, 0.01}, 0.04);  // within the tolerance
+  const SolidField::Solid drop = solid::ball({1.9, 0.01, 0.01}, 0.25);
+  Box bounds;
+  bounds.add(DVec3(-1.0));
+  bounds.add(DVec3(2.2, 1.0, 1.0));
+  GoodSkin spike(
+      std::make_shared<SolidField>(solid::both(solid::ball(DVec3(0.0), 1.0), solid::both(thread, drop)), bounds));
+  BadSiteOptions options;
+  options.tolerance = spike.options.tolerance;
+  const BadSites sites =
+      find_bad_sites(ball.mesh, *spike.field, spike.lattice, spike.topology.signs, *spike.backend, options);
+  int leaving = 0, thread_only = 0, dropped = 0;
+  for (std::size_t i = 0; i < sites.point.size(); ++i) {
+    const Vec3& p = sites.point[i];
+    if (!sites.sure[i]) continue;
+    leaving += p.x > 0.9f && p.x < 1.1f && std::abs(p.y) < 0.1f && std::abs(p.z) < 0.1f;
+    thread_only += p.x > 1.2f && p.x < 1.5f;
+    dropped += p.x > 1.7f;
+  }
+  EXPECT_GT(leaving, 0);
+  EXPECT_EQ(thread_only, 0);
+  EXPECT_GT(dropped, 10);
 }
 
 TEST(Reskin, APatchThatRunsIntoTheBackOfASeamLeaksThere) {

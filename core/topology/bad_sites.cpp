@@ -310,7 +310,8 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
       sure[c] = far.is_far(samples.value[c], samples.slope[c]) || blamed(corners[c]);
       bad[c] = suspect[c] || sure[c] || times < 0 || times > 1 || distance[c] > options.tolerance;
     }
-    // A spike that was lost far from the mesh is to be found from where it leaves the mesh.
+    // A spike that was lost far from the mesh is surely wrong where it leaves the mesh: nothing else tells, and what is
+    // opened there has the topology of what comes.
     bool any_sure = false, reached = false;
     for (std::size_t i = begin; i < end && !reached; ++i) {
       if (!sure[order[i]]) continue;
@@ -318,7 +319,7 @@ BadSites find_bad_sites(const TriangleMesh& mesh, const Field& field, const Bric
       reached = corners[order[i]].is_beside_mesh();
     }
     for (std::size_t i = begin; i < end && any_sure && !reached; ++i)
-      if (corners[order[i]].is_beside_mesh()) bad[order[i]] = suspect[order[i]] = 1;
+      if (corners[order[i]].is_beside_mesh()) bad[order[i]] = suspect[order[i]] = sure[order[i]] = 1;
   });
   for (const Index c : order)
     if (bad[c]) sites.add(points[c], sure[c] != 0, !suspect[c]);

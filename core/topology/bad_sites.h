@@ -19,8 +19,9 @@ struct BadSiteOptions {
 
 struct BadSites {
   std::vector<Vec3> point;         // in a fixed order
-  std::vector<std::uint8_t> sure;  // per point: it is off the surface or on the wrong side by more than the tolerance;
-                                   // the others may turn out to have the topology of the field
+  std::vector<std::uint8_t> sure;  // per point: it is off the surface or on the wrong side by more than the tolerance,
+                                   // or what is so hangs together with the mesh there alone; the others may turn out
+                                   // to have the topology of the field
   std::vector<std::uint8_t> odd;   // per point: nothing there says that the topology differs; rough fields have such
                                    // places on every good mesh
 
