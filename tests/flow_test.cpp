@@ -124,6 +124,28 @@ TEST(Flow, what_would_land_on_the_other_side_of_a_sheet_goes_where_its_neighbour
   EXPECT_GT(on_top, 100u);
 }
 
+TEST(Flow, a_sheet_that_went_farther_than_it_is_thick_is_found) {
+  constexpr double kHalf = 0.06;
+  constexpr float kUp = 0.16f;
+  TrackOptions options;
+  options.edge_length = 0.12;
+  const FieldFrame first{0, 0.0, std::make_shared<SheetField>(1.0, kHalf), nullptr};
+  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
+  tracker.advance(first);
+  const TriangleMesh& mesh = tracker.mechanical();  // that has not moved yet
+  const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
+  const auto backend = make_reference_backend();
+  backend->set_field(after);
+  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f);
+  std::size_t on_flats = 0;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (std::abs(mesh.position(v).z) < 0.99f * float(kHalf)) continue;
+    ++on_flats;
+    EXPECT_NEAR(way[v].z, kUp, 0.02f) << v;
+  }
+  EXPECT_GT(on_flats, 200u);
+}
+
 TEST(Flow, a_body_that_moves_takes_all_of_its_skin_along) {
   const Vec3 step(0.1f, 0.05f, 0.0f);
   TriangleMesh mesh = test_meshes::icosphere(3);

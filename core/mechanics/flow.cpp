@@ -195,6 +195,48 @@ void aim(const Landing& landing, const std::vector<Vec3>& normals, const std::ve
   });
 }
 
+/// On either side of a lost vertex, along its normal.
+struct Look {
+  Index vertex;
+  float behind, before;  // F at the last places looked at
+};
+
+/// Where vertices that have nothing of their own to land on (a direction of zero) come out of the body along what they
+/// face, within three of the longest steps on either side: a sheet may have gone farther than it is thick.
+void look_along_normals(const TriangleMesh& mesh, const std::vector<Vec3>& normals,
+                        const std::vector<Vec3>& displacement, const Landing& landing, float max_step, Backend& backend,
+                        NormalParts& known) {
+  constexpr int kSteps = 4;
+  const float step = 0.75f * max_step;
+  std::vector<Look> lost;
+  for (Index v = 0; v < displacement.size(); ++v)
+    if (known.direction[v] == Vec3(0.0f)) lost.push_back({v, landing.value[v], landing.value[v]});
+  for (int k = 1; k <= kSteps && !lost.empty(); ++k) {
+    std::vector<Vec3> points, gradients(2 * lost.size());
+    std::vector<float> values(2 * lost.size());
+    for (const Look& look : lost)
+      for (const float side : {-1.0f, 1.0f})
+        points.push_back(mesh.position(look.vertex) + displacement[look.vertex] +
+                         side * float(k) * step * normals[look.vertex]);
+    backend.evaluate(points, values, gradients);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < lost.size(); ++i) {
+      const Look look = lost[i];
+      const float behind = values[2 * i], before = values[2 * i + 1];
+      const bool back = look.behind <= 0.0f && behind > 0.0f, ahead = look.before > 0.0f && before <= 0.0f;
+      if (!back && !ahead) {
+        lost[kept++] = {look.vertex, behind, before};
+        continue;
+      }
+      const float steps =
+          back ? behind / (behind - look.behind) - float(k) : float(k) - before / (before - look.before);
+      known.direction[look.vertex] = normals[look.vertex];
+      known.length[look.vertex] = glm::dot(normals[look.vertex], displacement[look.vertex]) + steps * step;
+    }
+    lost.resize(kept);
+  }
+}
+
 }  // namespace
 
 std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field& field, Backend& backend,
@@ -216,6 +258,7 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field&
     Landing landing = landing_of(mesh, displacement, backend);
     if (options.half_sheet > 0.0f) RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
     aim(landing, normals, displacement, max_step, known);
+    look_along_normals(mesh, normals, displacement, landing, max_step, backend, known);
     sweep(corners, neighbour, known, options.sweeps, displacement);
   }
   for (const auto& [v, straight] : small) displacement[v] = straight;
