@@ -227,6 +227,7 @@ OpenSet Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& 
   for (Index& age : mesh_.vertices.age) ++age;
   FlowOptions flow;
   flow.half_sheet = float(kHalfSheet * frame.field->resolution());
+  flow.facing = flow.half_sheet > 0.0f;
   // What has fallen asleep in this frame has moved since small pieces were last looked for.
   SleepOptions longer = options_.sleep;
   ++longer.rest_frames;

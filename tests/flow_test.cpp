@@ -114,7 +114,9 @@ TEST(Flow, what_would_land_on_the_other_side_of_a_sheet_goes_where_its_neighbour
   const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
   const auto backend = make_reference_backend();
   backend->set_field(after);
-  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f);
+  FlowOptions flow;
+  flow.facing = true;
+  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
   std::size_t on_top = 0;
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     if (mesh.position(v).z < 0.99f * float(kHalf)) continue;
@@ -136,7 +138,9 @@ TEST(Flow, a_sheet_that_went_farther_than_it_is_thick_is_found) {
   const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
   const auto backend = make_reference_backend();
   backend->set_field(after);
-  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f);
+  FlowOptions flow;
+  flow.facing = true;
+  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
   std::size_t on_flats = 0;
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     if (std::abs(mesh.position(v).z) < 0.99f * float(kHalf)) continue;

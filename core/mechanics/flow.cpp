@@ -180,18 +180,23 @@ private:
   std::vector<Vec3>& displacement_;
 };
 
-/// Where displaced vertices are near the surface: to land on it, along its normals there. Where it faces elsewhere than
-/// they do (`normals`) it is another sheet or the other side of their own: that is not theirs to land on.
-void aim(const Landing& landing, const std::vector<Vec3>& normals, const std::vector<Vec3>& displacement,
-         float max_step, NormalParts& known) {
-  constexpr float kAgree = 0.3f;  // cosine between normals
+/// Where displaced vertices are near the surface: to land on it, along its normals there.
+void aim(const Landing& landing, const std::vector<Vec3>& displacement, float max_step, NormalParts& known) {
   for_each_index(displacement.size(), [&](std::size_t v) {
     const float slope = glm::length(landing.gradient[v]);
     const bool steep = slope > kLeastSlope;
     if (steep) known.direction[v] = -landing.gradient[v] / slope;
     const float step = steep ? std::clamp(landing.value[v] / slope, -max_step, max_step) : 0.0f;
     known.length[v] = glm::dot(known.direction[v], displacement[v]) + step;
-    if (steep && glm::dot(known.direction[v], normals[v]) < kAgree) known.direction[v] = Vec3(known.length[v] = 0.0f);
+  });
+}
+
+/// What faces elsewhere than the vertices aimed at it is another sheet or the other side of their own: not theirs to
+/// land on. They have nothing then, a direction of zero.
+void turn_from_others(const std::vector<Vec3>& normals, NormalParts& known) {
+  constexpr float kAgree = 0.3f;  // cosine between normals
+  for_each_index(normals.size(), [&](std::size_t v) {
+    if (glm::dot(known.direction[v], normals[v]) < kAgree) known.direction[v] = Vec3(known.length[v] = 0.0f);
   });
 }
 
@@ -257,8 +262,11 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field&
   for (int i = 0; i < options.aims; ++i) {
     Landing landing = landing_of(mesh, displacement, backend);
     if (options.half_sheet > 0.0f) RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
-    aim(landing, normals, displacement, max_step, known);
-    look_along_normals(mesh, normals, displacement, landing, max_step, backend, known);
+    aim(landing, displacement, max_step, known);
+    if (options.facing) {
+      turn_from_others(normals, known);
+      look_along_normals(mesh, normals, displacement, landing, max_step, backend, known);
+    }
     sweep(corners, neighbour, known, options.sweeps, displacement);
   }
   for (const auto& [v, straight] : small) displacement[v] = straight;
