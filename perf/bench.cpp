@@ -7,8 +7,7 @@
 // wall time with both. Medians over frames after the first, which has nothing to track yet; every frame is done
 // --repeat times from the same state, in turns, and its median counts. Going back to that state loses what isoskin
 // keeps of the frame before, as --resume does: --repeat 1 measures frames that follow each other. Peak memory is of
-// further processes that run one mesher alone
-// (--only).
+// further processes that run one mesher alone (--only).
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -118,11 +117,29 @@ struct Options {
   std::string only;                      // one mesher's name; empty: all
 };
 
+/// A folder's sequence as a pattern, by which other meshers find its files; all other input as it is.
+std::string pattern_of(const std::string& input) {
+  if (!std::filesystem::is_directory(input)) return input;
+  constexpr const char* kDigits = "0123456789";
+  std::string pattern;
+  std::size_t least = std::string::npos;  // digits; names that are not padded have more
+  for (const auto& entry : std::filesystem::directory_iterator(input)) {
+    const std::string stem = entry.path().stem().string();
+    const std::size_t end = stem.find_last_of(kDigits) + 1;
+    if (entry.path().extension() != ".vdb" || end == 0) continue;
+    const std::size_t begin = stem.find_last_not_of(kDigits, end - 1) + 1;
+    if (end - begin >= least) continue;
+    least = end - begin;
+    pattern = entry.path().parent_path() / fmt::format("{}%0{}d{}.vdb", stem.substr(0, begin), least, stem.substr(end));
+  }
+  return pattern.empty() ? input : pattern;
+}
+
 /// A sequence and its meshers, with what they came to.
 class Bench {
 public:
-  Bench(std::string input, const Options& options, std::filesystem::path folder)
-      : input_(std::move(input)), options_(options), folder_(std::move(folder)), scene_(open_input(input_)) {
+  Bench(const std::string& input, const Options& options, std::filesystem::path folder)
+      : input_(pattern_of(input)), options_(options), folder_(std::move(folder)), scene_(open_input(input_)) {
     if (input_.find('%') == std::string::npos) return;  // a scene: no grid for others to mesh
     for (perf::Peer& peer : perf::peers())
       if (options.only.empty() || options.only == peer.name) peers_.push_back({.peer = std::move(peer)});
