@@ -70,6 +70,26 @@ private:
   double radius_, half_, height_;
 };
 
+/// The skin of a round sheet of half thickness `half`, edges of 0.12.
+TriangleMesh skin_of_sheet(double half) {
+  TrackOptions options;
+  options.edge_length = 0.12;
+  const FieldFrame frame{0, 0.0, std::make_shared<SheetField>(1.0, half), nullptr};
+  Tracker tracker(make_reference_backend(), resolved(options, *frame.field));
+  tracker.advance(frame);
+  return tracker.mechanical();
+}
+
+/// How such a skin flows to the same sheet `up` above, whose faces it lands on by what they face.
+std::vector<Vec3> flow_up(const TriangleMesh& mesh, double half, float up) {
+  const auto after = std::make_shared<SheetField>(1.0, half, up);
+  const auto backend = make_reference_backend();
+  backend->set_field(after);
+  FlowOptions flow;
+  flow.facing = true;
+  return surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
+}
+
 }  // namespace
 
 TEST(Flow, a_rim_that_has_outrun_the_skin_is_found_where_the_sheet_ends) {
@@ -103,20 +123,10 @@ TEST(Flow, a_rim_that_has_outrun_the_skin_is_found_where_the_sheet_ends) {
 TEST(Flow, what_would_land_on_the_other_side_of_a_sheet_goes_where_its_neighbours_go) {
   constexpr double kHalf = 0.1;
   constexpr float kUp = 0.25f;
-  TrackOptions options;
-  options.edge_length = 0.12;
-  const FieldFrame first{0, 0.0, std::make_shared<SheetField>(1.0, kHalf), nullptr};
-  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
-  tracker.advance(first);
-  TriangleMesh mesh = tracker.mechanical();
+  TriangleMesh mesh = skin_of_sheet(kHalf);
   for (Index v = 0; v < mesh.vertex_count(); ++v)  // new ones know nothing yet
     mesh.vertices.velocity[v] = v % 7 == 0 ? Vec3(0.0f) : Vec3(0.0f, 0.0f, kUp / float(kStep));
-  const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
-  const auto backend = make_reference_backend();
-  backend->set_field(after);
-  FlowOptions flow;
-  flow.facing = true;
-  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
+  const std::vector<Vec3> way = flow_up(mesh, kHalf, kUp);
   std::size_t on_top = 0;
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     if (mesh.position(v).z < 0.99f * float(kHalf)) continue;
@@ -129,18 +139,8 @@ TEST(Flow, what_would_land_on_the_other_side_of_a_sheet_goes_where_its_neighbour
 TEST(Flow, a_sheet_that_went_farther_than_it_is_thick_is_found) {
   constexpr double kHalf = 0.06;
   constexpr float kUp = 0.16f;
-  TrackOptions options;
-  options.edge_length = 0.12;
-  const FieldFrame first{0, 0.0, std::make_shared<SheetField>(1.0, kHalf), nullptr};
-  Tracker tracker(make_reference_backend(), resolved(options, *first.field));
-  tracker.advance(first);
-  const TriangleMesh& mesh = tracker.mechanical();  // that has not moved yet
-  const auto after = std::make_shared<SheetField>(1.0, kHalf, kUp);
-  const auto backend = make_reference_backend();
-  backend->set_field(after);
-  FlowOptions flow;
-  flow.facing = true;
-  const std::vector<Vec3> way = surface_flow(mesh, kStep, *after, *backend, 0.06f, flow);
+  const TriangleMesh mesh = skin_of_sheet(kHalf);  // that has not moved yet
+  const std::vector<Vec3> way = flow_up(mesh, kHalf, kUp);
   std::size_t on_flats = 0;
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     if (std::abs(mesh.position(v).z) < 0.99f * float(kHalf)) continue;
