@@ -23,6 +23,7 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
+#include "core/io/frame_files.h"
 #include "core/io/ply.h"
 #include "core/io/scene.h"
 #include "core/tracker.h"
@@ -117,30 +118,13 @@ struct Options {
   std::string only;                      // one mesher's name; empty: all
 };
 
-/// A folder's sequence as a pattern, by which other meshers find its files; all other input as it is.
-std::string pattern_of(const std::string& input) {
-  if (!std::filesystem::is_directory(input)) return input;
-  constexpr const char* kDigits = "0123456789";
-  std::string pattern;
-  std::size_t least = std::string::npos;  // digits; names that are not padded have more
-  for (const auto& entry : std::filesystem::directory_iterator(input)) {
-    const std::string stem = entry.path().stem().string();
-    const std::size_t end = stem.find_last_of(kDigits) + 1;
-    if (entry.path().extension() != ".vdb" || end == 0) continue;
-    const std::size_t begin = stem.find_last_not_of(kDigits, end - 1) + 1;
-    if (end - begin >= least) continue;
-    least = end - begin;
-    pattern = entry.path().parent_path() / fmt::format("{}%0{}d{}.vdb", stem.substr(0, begin), least, stem.substr(end));
-  }
-  return pattern.empty() ? input : pattern;
-}
-
 /// A sequence and its meshers, with what they came to.
 class Bench {
 public:
   Bench(const std::string& input, const Options& options, std::filesystem::path folder)
-      : input_(pattern_of(input)), options_(options), folder_(std::move(folder)), scene_(open_input(input_)) {
-    if (input_.find('%') == std::string::npos) return;  // a scene: no grid for others to mesh
+      : options_(options), folder_(std::move(folder)), scene_(open_input(input)) {
+    if (std::filesystem::path(input).extension() == ".toml") return;  // no grid for others to mesh
+    file_ = find_frames(input, ".vdb").file;
     for (perf::Peer& peer : perf::peers())
       if (options.only.empty() || options.only == peer.name) peers_.push_back({.peer = std::move(peer)});
   }
@@ -244,10 +228,8 @@ private:
   }
 
   void peer_frame(Contender& contender, int frame) const {
-    char path[4096];
-    std::snprintf(path, sizeof path, input_.c_str(), frame);
     std::shared_ptr<const perf::PeerGrid> grid;
-    const double reading = cost_of([&] { grid = perf::read_peer_grid(path); }).wall;
+    const double reading = cost_of([&] { grid = perf::read_peer_grid(file_.at(frame).string()); }).wall;
     Cost total;
     contender.mesh = contender.peer.mesh(*grid, [&](const std::function<void()>& work) {
       const Cost cost = cost_of(work);
@@ -259,7 +241,7 @@ private:
     contender.files = reading + writing;
   }
 
-  std::string input_;
+  std::map<int, std::filesystem::path> file_;  // by frame, for the others
   Options options_;
   std::filesystem::path folder_;
   Scene scene_;
