@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/mesh/independent_edits.h"
 #include "core/mesh/small_pieces.h"
 #include "core/parallel.h"
 
@@ -214,16 +215,16 @@ void look_along_normals(const TriangleMesh& mesh, const std::vector<Vec3>& norma
   constexpr int kSteps = 4;
   const float step = 0.75f * max_step;
   std::vector<Look> lost;
-  for (Index v = 0; v < displacement.size(); ++v)
-    if (known.direction[v] == Vec3(0.0f)) lost.push_back({v, landing.value[v], landing.value[v]});
+  for (const Index v : indices_where(displacement.size(), [&](Index v) { return known.direction[v] == Vec3(0.0f); }))
+    lost.push_back({v, landing.value[v], landing.value[v]});
   for (int k = 1; k <= kSteps && !lost.empty(); ++k) {
-    std::vector<Vec3> points, gradients(2 * lost.size());
+    std::vector<Vec3> points;
     std::vector<float> values(2 * lost.size());
     for (const Look& look : lost)
       for (const float side : {-1.0f, 1.0f})
         points.push_back(mesh.position(look.vertex) + displacement[look.vertex] +
                          side * float(k) * step * normals[look.vertex]);
-    backend.evaluate(points, values, gradients);
+    backend.evaluate(points, values, {});
     std::size_t kept = 0;
     for (std::size_t i = 0; i < lost.size(); ++i) {
       const Look look = lost[i];

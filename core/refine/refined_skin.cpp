@@ -102,8 +102,9 @@ private:
       const Index* v = &skin_.vertex[3 * t];
       return old_triangle(t) == kNone || moved[v[0]] || moved[v[1]] || moved[v[2]];
     });
+    if (is_too_much(changed.size())) return changed;
     const ChangeMask mask(changes, double(options_.project.reach));
-    if (mask.empty() || is_too_much(changed.size())) return changed;
+    if (mask.empty()) return changed;
     for (const Index o : last_.triangles_reached([&](const Box& box) { return mask.overlaps(box); }))
       if (match_.new_triangle(o) != kNone) changed.push_back(match_.new_triangle(o));
     std::sort(changed.begin(), changed.end());

@@ -281,10 +281,7 @@ public:
         vertices_(vertices),
         filling_(filling),
         on_(filling.surface.position.size(), kUnread),
-        stays_(mesh.vertex_count(), 1) {
-    for (Index t = 0; t < holes.of_triangle.size(); ++t)
-      for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays_[mesh.vertex[h]] = 0;
-  }
+        stays_(staying_vertices(mesh, holes)) {}
 
   /// The vertex of the mesh nearest to one of the filling; kNone where there is none, or it goes or is on a seam.
   Index on(Index f) {
@@ -320,6 +317,13 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
   number_holes(mesh, removed, holes);
   find_seams(mesh, removed, holes);
   return holes;
+}
+
+std::vector<std::uint8_t> staying_vertices(const TriangleMesh& mesh, const Holes& holes) {
+  std::vector<std::uint8_t> stays(mesh.vertex_count(), 1);
+  for (Index t = 0; t < holes.of_triangle.size(); ++t)
+    for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays[mesh.vertex[h]] = 0;
+  return stays;
 }
 
 float seam_reach(double spacing) {

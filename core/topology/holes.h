@@ -39,6 +39,8 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
 /// cannot be done fail. Returns, per vertex of the mesh, the filling's vertex, kNone away from seams.
 std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& normals, Holes& holes,
                              const GrowingFilling& filling, double spacing);
+/// One byte a vertex: 1 where no triangle about it is in a hole.
+std::vector<std::uint8_t> staying_vertices(const TriangleMesh& mesh, const Holes& holes);
 /// How far a vertex may be snapped. `spacing`: of the lattice.
 float seam_reach(double spacing);
 

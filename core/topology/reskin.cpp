@@ -91,9 +91,7 @@ std::vector<std::uint8_t> whole_pieces(const Scene& scene, const Holes& holes, c
   const auto piece_of = [&](std::size_t t) { return filling.surface.piece[triangle[3 * t]]; };
   const auto mark = [](std::uint8_t& flag) { std::atomic_ref<std::uint8_t>(flag).store(1, std::memory_order_relaxed); };
   std::vector<std::uint8_t> broken(certificate.lattice_piece.size()), emptied(broken.size()), covered(broken.size());
-  std::vector<std::uint8_t> stays(scene.mesh.vertex_count(), 1);
-  for (Index t = 0; t < holes.of_triangle.size(); ++t)
-    for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays[scene.mesh.vertex[h]] = 0;
+  const std::vector<std::uint8_t> stays = staying_vertices(scene.mesh, holes);
   const float reach = seam_reach(scene.lattice.spacing);
   const auto is_covered = [&](std::size_t f) {
     bool found = false;
