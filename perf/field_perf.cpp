@@ -2,6 +2,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <cfloat>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -42,6 +43,12 @@ struct Ball {
   float x, y, z, over_r2, weight, slope;
 };
 
+/// As kernels/evaluate.cl, which the loops below do all of: within the range of float.
+inline Lanes held(Lanes v) {
+  v = v > FLT_MAX ? Lanes{} + FLT_MAX : v;
+  return v < -FLT_MAX ? Lanes{} - FLT_MAX : v;
+}
+
 /// The loop the kernel runs, over 16 points at once.
 void metaballs(const Ball* balls, std::size_t count, float iso, const Vec3* points, float* values, Vec3* gradients,
                std::size_t begin, std::size_t end) {
@@ -59,6 +66,9 @@ void metaballs(const Ball* balls, std::size_t count, float iso, const Vec3* poin
       const Lanes s = b.slope * c2;
       gx += s * dx, gy += s * dy, gz += s * dz;
     }
+    const auto good = (x - x == 0.0f) & (y - y == 0.0f) & (z - z == 0.0f);  // finite
+    f = good ? held(f) : Lanes{} + NAN;
+    gx = good ? held(gx) : Lanes{}, gy = good ? held(gy) : Lanes{}, gz = good ? held(gz) : Lanes{};
     for (int i = 0; i < kLanes; ++i) values[first + i] = f[i], gradients[first + i] = Vec3(gx[i], gy[i], gz[i]);
   }
 }
@@ -149,6 +159,12 @@ inline float sum4(Four v) {
   return (v[0] + v[1]) + (v[2] + v[3]);
 }
 
+inline void store(const Vec3& point, float value, const Vec3& gradient, float& value_out, Vec3& gradient_out) {
+  const bool good = std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z);
+  value_out = good ? glm::clamp(value, -FLT_MAX, FLT_MAX) : NAN;
+  gradient_out = good ? glm::clamp(gradient, -FLT_MAX, FLT_MAX) : Vec3(0.0f);
+}
+
 void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradients, std::size_t begin,
               std::size_t end) {
   const float over_h = float(1.0 / g.h);
@@ -157,7 +173,7 @@ void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradi
     Vec3 t;
     const float* tap = locate(g, points[i], origin, over_h, t);
     if (!tap) {
-      values[i] = g.outside, gradients[i] = Vec3(0.0f);
+      store(points[i], g.outside, Vec3(0.0f), values[i], gradients[i]);
       continue;
     }
     const Four wx = value_weights(t.x), wy = value_weights(t.y), wz = value_weights(t.z);
@@ -174,8 +190,7 @@ void tricubic(const BrickGrid& g, const Vec3* points, float* values, Vec3* gradi
       fx += dx[x] * line;
       fy += wx[x] * line_y;
     }
-    values[i] = sum4(f * wz);
-    gradients[i] = Vec3(sum4(fx * wz), sum4(fy * wz), sum4(f * dz)) * over_h;
+    store(points[i], sum4(f * wz), Vec3(sum4(fx * wz), sum4(fy * wz), sum4(f * dz)) * over_h, values[i], gradients[i]);
   }
 }
 
@@ -187,7 +202,7 @@ void trilinear(const BrickGrid& g, const Vec3* points, float* values, Vec3* grad
     Vec3 t;
     const float* tap = locate(g, points[i], origin, over_h, t);
     if (!tap) {
-      values[i] = g.outside, gradients[i] = Vec3(0.0f);
+      store(points[i], g.outside, Vec3(0.0f), values[i], gradients[i]);
       continue;
     }
     const float* c = tap + 12 * 11 + 1;
@@ -196,9 +211,9 @@ void trilinear(const BrickGrid& g, const Vec3* points, float* values, Vec3* grad
     const float high0 = c0 + t.y * (d0 - c0), high1 = c1 + t.y * (d1 - c1);
     const float f0 = low0 + t.x * (high0 - low0), f1 = low1 + t.x * (high1 - low1);
     const float y0 = (b0 - a0) + t.x * ((d0 - c0) - (b0 - a0)), y1 = (b1 - a1) + t.x * ((d1 - c1) - (b1 - a1));
-    values[i] = f0 + t.z * (f1 - f0);
-    gradients[i] =
-        Vec3((high0 - low0) + t.z * ((high1 - low1) - (high0 - low0)), y0 + t.z * (y1 - y0), f1 - f0) * over_h;
+    store(points[i], f0 + t.z * (f1 - f0),
+          Vec3((high0 - low0) + t.z * ((high1 - low1) - (high0 - low0)), y0 + t.z * (y1 - y0), f1 - f0) * over_h,
+          values[i], gradients[i]);
   }
 }
 
