@@ -19,10 +19,10 @@ std::vector<Vec3> field_normals(const std::vector<Vec3>& points, Backend& backen
   std::vector<float> values(points.size());
   std::vector<Vec3> normals(points.size());
   backend.evaluate(points, values, normals);
-  for (Vec3& n : normals) {
-    const float length = glm::length(n);
-    n = length > 0.0f ? -n / length : Vec3(0.0f);
-  }
+  for_each_index(normals.size(), [&](std::size_t i) {
+    const float length = glm::length(normals[i]);
+    normals[i] = length > 0.0f ? -normals[i] / length : Vec3(0.0f);
+  });
   return normals;
 }
 

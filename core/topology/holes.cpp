@@ -1,12 +1,16 @@
 #include "core/topology/holes.h"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <limits>
+#include <span>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "core/disjoint_sets.h"
 #include "core/mesh/independent_edits.h"
 #include "core/mesh/one_ring.h"
 #include "core/parallel.h"
@@ -272,6 +276,140 @@ private:
   std::vector<Index> last_;  // per vertex: its last edge
 };
 
+/// Floods patches from all seams at once. Where the floods of several seams meet, they are of one patch.
+class PatchFlood {
+public:
+  PatchFlood(std::vector<Seam>& seams, const Filling& filling)
+      : seams_(seams),
+        filling_(filling),
+        wall_(filling.twin.size(), 0),
+        on_path_(filling.surface.position.size(), 0),
+        seen_(on_path_.size(), 0),
+        of_triangle_(filling.triangle_count(), kNone),
+        flood_(seams.size()),
+        joined_(seams.size()) {
+    tbb::parallel_for(Index(0), Index(seams.size()), [&](Index s) { raise_walls(s); });
+    tbb::parallel_for(Index(0), Index(seams.size()), [&](Index s) { flood(s); });
+  }
+
+  /// Numbered by their first seam.
+  Patches patches() && {
+    Patches out;
+    std::vector<Index> number(seams_.size(), kNone);
+    std::vector<Flood> sum;
+    for (Index s = 0; s < seams_.size(); ++s) {
+      if (flood_[s].start.empty()) continue;
+      const Index first = joined_.root(s);
+      if (first == s) {
+        number[s] = Index(sum.size());
+        sum.emplace_back();
+        out.seams.emplace_back();
+      }
+      number[s] = number[first];
+      out.seams[number[s]].push_back(s);
+      sum[number[s]].add(flood_[s]);
+    }
+    for (const Flood& f : sum) {
+      out.euler.push_back(f.leaks ? 0 : f.euler());
+      out.leaks.push_back(f.leaks);
+    }
+    // How far a patch that leaks was followed depends on threads.
+    tbb::parallel_for(Index(0), Index(seams_.size()), [&](Index s) {
+      for (const Index t : flood_[s].triangle) of_triangle_[t] = out.leaks[number[s]] ? kNone : number[s];
+    });
+    for (Index s = 0; s < seams_.size(); ++s) {
+      if (number[s] == kNone || !out.leaks[number[s]]) continue;
+      // Whoever has the outside of the filling, or of another hole, on its hole's side is wrong; others may be right.
+      seams_[s].failed = true;
+      for (const Index t : flood_[s].start) of_triangle_[t] = number[s];
+    }
+    out.of_triangle = std::move(of_triangle_);
+    return out;
+  }
+
+private:
+  static constexpr std::uint8_t kAlong = 1, kAgainst = 2;
+
+  struct Flood {
+    std::vector<Index> start, triangle;  // beside the seam's paths; all that were reached before any other did
+    int faces = 0, inner_vertices = 0, inner_halfedges = 0;
+    bool leaks = false;
+
+    void add(const Flood& other) {
+      faces += other.faces;
+      inner_vertices += other.inner_vertices;
+      inner_halfedges += other.inner_halfedges;
+      leaks |= other.leaks;
+    }
+    /// Of a whole patch. Seams are closed curves that share no vertex: their vertices and edges are as many.
+    int euler() const { return inner_vertices - inner_halfedges / 2 + faces; }
+  };
+
+  static bool take(std::uint8_t& flag) { return std::atomic_ref(flag).exchange(1, std::memory_order_relaxed) == 0; }
+  void mark(Index h, std::uint8_t bit) {
+    std::atomic_ref<std::uint8_t>(wall_[h]).fetch_or(bit, std::memory_order_relaxed);
+  }
+  /// kNone where no triangle has it.
+  Index halfedge(Index from, Index to) const {
+    const Index t = filling_.triangle(from, to);
+    for (Index h = 3 * t; t != kNone && h < 3 * t + 3; ++h)
+      if (filling_.surface.triangle[h] == from) return h;
+    return kNone;
+  }
+
+  void raise_walls(Index s) {
+    Seam& seam = seams_[s];
+    if (!seam.failed_at.empty()) return;
+    const bool starts = !seam.failed;
+    for (const auto& path : seam.path)
+      for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        std::atomic_ref(on_path_[path[i]]).store(1, std::memory_order_relaxed);
+        const Index h = halfedge(path[i], path[i + 1]);
+        const Index g = h == kNone ? halfedge(path[i + 1], path[i]) : filling_.twin[h];
+        if (h != kNone) mark(h, kAlong);
+        if (g != kNone) mark(g, kAgainst);
+        if (starts && h != kNone) flood_[s].start.push_back(h / 3);
+        seam.failed |= h == kNone;
+      }
+  }
+
+  /// Reaches the triangle, if no other flood has.
+  void reach(Index t, Index s) {
+    Index by = kNone;
+    if (std::atomic_ref(of_triangle_[t]).compare_exchange_strong(by, s, std::memory_order_relaxed))
+      flood_[s].triangle.push_back(t);
+    else if (by != s)
+      joined_.unite(by, s);
+  }
+
+  /// A patch that leaks is not followed any further: it may be all of the skin.
+  void flood(Index s) {
+    Flood& own = flood_[s];
+    for (const Index t : own.start) reach(t, s);
+    for (std::size_t i = 0; i < own.triangle.size() && !own.leaks; ++i) {
+      const Index t = own.triangle[i];
+      ++own.faces;
+      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
+        const Index v = filling_.surface.triangle[h];
+        own.inner_vertices += !on_path_[v] && take(seen_[v]);
+        if (wall_[h] & kAlong) continue;
+        ++own.inner_halfedges;
+        const Index twin = filling_.twin[h];
+        own.leaks |= twin == kNone || (wall_[h] & kAgainst);
+        if (!own.leaks) reach(twin / 3, s);
+      }
+    }
+  }
+
+  std::vector<Seam>& seams_;
+  const Filling& filling_;
+  std::vector<std::uint8_t> wall_;            // per halfedge: whether complete paths run along it, or against it
+  std::vector<std::uint8_t> on_path_, seen_;  // per vertex
+  std::vector<Index> of_triangle_;            // the seam that reached it, then its patch
+  std::vector<Flood> flood_;                  // per seam; empty of those that have failed
+  DisjointSets joined_;                       // seams of one patch
+};
+
 /// What skin lies on the filling.
 class Covering {
 public:
@@ -285,17 +423,36 @@ public:
 
   /// The vertex of the mesh nearest to one of the filling; kNone where there is none, or it goes or is on a seam.
   Index on(Index f) {
-    constexpr float kAgree = 0.5f;  // cosine between normals
-    if (on_[f] != kUnread) return on_[f];
-    std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
-    vertices_.near(filling_.surface.position[f], [&](Index v, float square) {
-      if (glm::dot(normals_[v], filling_.normal[f]) > kAgree) best = std::min(best, {square, v});
+    if (on_[f] == kUnread) on_[f] = find(f);
+    return on_[f];
+  }
+  /// All threads find what on() will be asked for: the corners of triangles beside these that are not yet seen.
+  void look_ahead(std::span<const Index> triangles, const std::vector<std::uint8_t>& seen) {
+    constexpr std::size_t kFew = 16;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, triangles.size(), kFew), [&](const auto& range) {
+      for (std::size_t i = range.begin(); i != range.end(); ++i)
+        for (Index h = 3 * triangles[i]; h < 3 * triangles[i] + 3; ++h) {
+          const Index next = filling_.twin[h] == kNone ? kNone : filling_.twin[h] / 3;
+          for (Index k = 3 * next; next != kNone && !seen[next] && k < 3 * next + 3; ++k) {
+            const std::atomic_ref on(on_[filling_.surface.triangle[k]]);
+            if (on.load(std::memory_order_relaxed) == kUnread)
+              on.store(find(filling_.surface.triangle[k]), std::memory_order_relaxed);
+          }
+        }
     });
-    return on_[f] = best.second != kNone && stays_[best.second] ? best.second : kNone;
   }
 
 private:
   static constexpr Index kUnread = kNone - 1;
+
+  Index find(Index f) const {
+    constexpr float kAgree = 0.5f;  // cosine between normals
+    std::pair<float, Index> best{std::numeric_limits<float>::infinity(), kNone};
+    vertices_.near(filling_.surface.position[f], [&](Index v, float square) {
+      if (glm::dot(normals_[v], filling_.normal[f]) > kAgree) best = std::min(best, {square, v});
+    });
+    return best.second != kNone && stays_[best.second] ? best.second : kNone;
+  }
 
   const std::vector<Vec3>& normals_;
   const PointGrid& vertices_;
@@ -321,8 +478,10 @@ Holes cut_holes(const TriangleMesh& mesh, const std::vector<std::uint8_t>& hot,
 
 std::vector<std::uint8_t> staying_vertices(const TriangleMesh& mesh, const Holes& holes) {
   std::vector<std::uint8_t> stays(mesh.vertex_count(), 1);
-  for (Index t = 0; t < holes.of_triangle.size(); ++t)
-    for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h) stays[mesh.vertex[h]] = 0;
+  for_each_index(holes.of_triangle.size(), [&](std::size_t t) {
+    for (std::size_t h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h)
+      std::atomic_ref(stays[mesh.vertex[h]]).store(0, std::memory_order_relaxed);
+  });
   return stays;
 }
 
@@ -339,60 +498,7 @@ std::vector<Index> lay_seams(const TriangleMesh& mesh, const std::vector<Vec3>& 
 }
 
 Patches find_patches(Holes& holes, const Filling& filling) {
-  const auto& triangle = filling.surface.triangle;
-  const Barriers barriers(holes.seams, filling.surface.position.size());
-  Patches patches;
-  patches.of_triangle.assign(filling.triangle_count(), kNone);
-  EulerCount count(filling.surface.position.size());
-  // A patch that leaks is not followed any further: it may be all of the skin. Nearest triangles come first.
-  const auto flood = [&](Index start) {
-    const Index patch = patches.count();
-    bool leaky = false;
-    count.start(patch);
-    std::vector<Index> queue(1, start);
-    patches.of_triangle[start] = patch;
-    for (std::size_t i = 0; i < queue.size() && !leaky; ++i) {
-      const Index t = queue[i];
-      count.face();
-      for (Index h = 3 * t; h < 3 * t + 3; ++h) {
-        const Index a = triangle[h], b = triangle[TriangleMesh::next(h)];
-        const bool own = barriers.seam(a, b) != kNone;
-        count.corner(a);
-        count.halfedge(own);
-        if (own) continue;
-        const Index twin = filling.twin[h], next = twin / 3;
-        if (twin == kNone || barriers.seam(b, a) != kNone) {
-          leaky = true;
-        } else if (patches.of_triangle[next] == kNone) {
-          patches.of_triangle[next] = patch;
-          queue.push_back(next);
-        } else {
-          leaky |= patches.of_triangle[next] != patch;  // only what leaks has been left halfway
-        }
-      }
-    }
-    patches.euler.push_back(count.euler());
-    patches.seams.emplace_back();
-    patches.leaks.push_back(leaky);
-  };
-  for (Index s = 0; s < holes.seams.size(); ++s) {
-    Seam& seam = holes.seams[s];
-    if (seam.failed) continue;
-    for (const auto& path : seam.path)
-      for (std::size_t i = 0; i + 1 < path.size(); ++i) {
-        const Index t = filling.triangle(path[i], path[i + 1]);
-        seam.failed |= t == kNone;
-        if (t == kNone) continue;
-        if (patches.of_triangle[t] == kNone) flood(t);
-        std::vector<Index>& own = patches.seams[patches.of_triangle[t]];
-        if (own.empty() || own.back() != s) own.push_back(s);
-      }
-  }
-  // Whoever has the outside of the filling, or of another hole, on its hole's side is wrong; the others may be right.
-  for (Index p = 0; p < patches.count(); ++p)
-    if (patches.leaks[p])
-      for (const Index s : patches.seams[p]) holes.seams[s].failed = true;
-  return patches;
+  return PatchFlood(holes.seams, filling).patches();
 }
 
 Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const PointGrid& vertices,
@@ -413,7 +519,12 @@ Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, c
         reach(filling.triangle(seam.path[k][i], seam.path[k][i + 1]));
   Leaks leaks;
   std::vector<std::uint8_t> behind(holes.seams.size(), 0);
-  for (std::size_t i = 0; i < queue.size(); ++i)
+  std::size_t looked_ahead = 0;
+  for (std::size_t i = 0; i < queue.size(); ++i) {
+    if (i == looked_ahead) {
+      skin.look_ahead({queue.begin() + std::ptrdiff_t(i), queue.end()}, seen);
+      looked_ahead = queue.size();
+    }
     for (Index h = 3 * queue[i]; h < 3 * queue[i] + 3; ++h) {
       const Index a = triangle[h], b = triangle[TriangleMesh::next(h)], twin = filling.twin[h], next = twin / 3;
       if (twin == kNone) leaks.ends.push_back(filling.surface.position[a]);
@@ -432,6 +543,7 @@ Leaks follow_leaks(const TriangleMesh& mesh, const std::vector<Vec3>& normals, c
         leaks.skin.push_back(met);
       }
     }
+  }
   for (Index s = 0; s < behind.size(); ++s)
     for (std::size_t i = 0; i < holes.seams[s].halfedge.size() && behind[s]; ++i)
       leaks.seams.push_back(mesh.from(holes.seams[s].halfedge[i]));

@@ -4,8 +4,8 @@
 #include <limits>
 #include <utility>
 
-#include <tbb/parallel_sort.h>
-
+#include "core/mesh/id_set.h"
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/filling.h"
 #include "core/topology/point_grid.h"
@@ -43,13 +43,12 @@ std::vector<Index> nearest(const Places& from, const Places& to, float reach) {
 
 std::vector<Index> inherit_ids(TriangleMesh& mesh, Index first_new, const VertexTable& old, Backend& backend,
                                float reach) {
-  std::vector<Index> there = mesh.vertices.id;
-  tbb::parallel_sort(there);
+  const IdSet there(mesh.vertices.id);
+  const auto is_gone = [&](Index v) { return !there.contains(old.id[v]); };
+  const auto is_fresh = [&](Index v) { return mesh.vertices.id[v] >= first_new; };
   Places gone, fresh;
-  for (Index v = 0; v < old.size(); ++v)
-    if (!std::binary_search(there.begin(), there.end(), old.id[v])) gone.add(v, old.position[v]);
-  for (Index v = 0; v < mesh.vertex_count(); ++v)
-    if (mesh.vertices.id[v] >= first_new) fresh.add(v, mesh.position(v));
+  for (const Index v : indices_where(old.size(), is_gone)) gone.add(v, old.position[v]);
+  for (const Index v : indices_where(mesh.vertex_count(), is_fresh)) fresh.add(v, mesh.position(v));
   if (gone.vertex.empty() || fresh.vertex.empty()) return {};
   gone.normal = field_normals(gone.position, backend);
   fresh.normal = field_normals(fresh.position, backend);

@@ -6,7 +6,10 @@
 #include <numeric>
 #include <optional>
 
+#include <tbb/parallel_for.h>
+
 #include "core/mesh/folds.h"
+#include "core/mesh/independent_edits.h"
 #include "core/mesh/one_ring.h"
 #include "core/parallel.h"
 #include "core/sampling/closest_point.h"
@@ -35,6 +38,7 @@ struct Scene {
   const std::vector<std::uint8_t> folded;   // per vertex
   const std::vector<std::uint8_t> failed;   // per vertex: its piece failed
   const std::vector<std::uint8_t> differs;  // per vertex: its piece may have to change topology
+  const std::vector<Index> outgoing;        // per vertex: a halfedge that leaves it
   Backend& backend;
 };
 
@@ -65,12 +69,9 @@ std::vector<std::uint8_t> vertices_of_failed(const MeshPieces& pieces, const Cer
 /// Skin that is folded makes borders that no seam fits: what is hot reaches on to the fold's end.
 void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
   const TriangleMesh& mesh = scene.mesh;
-  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
-  std::vector<Index> front;
-  for (Index v = 0; v < hot.size(); ++v)
-    if (hot[v]) front.push_back(v);
+  std::vector<Index> front = indices_where(hot.size(), [&](Index v) { return hot[v] != 0; });
   while (!front.empty()) {
-    const Index start = outgoing[front.back()];
+    const Index start = scene.outgoing[front.back()];
     front.pop_back();
     for_each_leaving(mesh, start, [&](Index h) {
       const Index to = mesh.to(h);
@@ -248,8 +249,8 @@ public:
   /// Bad points and hot vertices.
   std::vector<Vec3> points() const {
     std::vector<Vec3> points = bad_;
-    for (Index v = 0; v < hot_.size(); ++v)
-      if (hot_[v]) points.push_back(scene_->mesh.position(v));
+    for (const Index v : indices_where(hot_.size(), [&](Index v) { return hot_[v] != 0; }))
+      points.push_back(scene_->mesh.position(v));
     return points;
   }
 
@@ -267,8 +268,10 @@ private:
     if (spared_.empty()) return;
     std::vector<std::uint8_t> about(scene_->mesh.vertex_count());
     for (const Index v : vertices) about[v] = 1;
-    for (Index h = 0; h < scene_->mesh.vertex.size(); ++h)
-      if (about[scene_->mesh.vertex[h]]) spared_[h / 3] = 0;
+    for_each_index(spared_.size(), [&](std::size_t t) {
+      const Index* const corner = &scene_->mesh.vertex[3 * t];
+      if (about[corner[0]] || about[corner[1]] || about[corner[2]]) spared_[t] = 0;
+    });
   }
   void heat(const std::vector<Vec3>& points) {
     const std::vector<std::uint8_t> more = vertices_near(scene_->mesh, scene_->differs, PointGrid(points, radius_));
@@ -329,14 +332,16 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
       if (surely_hot[scene.mesh.vertex[h]]) groups.make_sure(holes.of_triangle[t]);
 
   std::vector<std::uint8_t> inside(filling.triangle_count());
-  for (Index t = 0; t < inside.size(); ++t) inside[t] = patches.of_triangle[t] != kNone;
+  for_each_index(inside.size(), [&](std::size_t t) { inside[t] = patches.of_triangle[t] != kNone; });
   const std::vector<std::uint8_t> whole = whole_pieces(scene, holes, filling, near_bad, skin, inside);
-  for (Index t = 0; t < inside.size(); ++t)
+  for_each_index(inside.size(), [&](std::size_t t) {
     inside[t] = (whole[t] && !scene.options.alike_only) ||
                 (patches.of_triangle[t] != kNone && groups.replaces(patches.of_triangle[t]));
+  });
   std::vector<std::uint8_t> removed(scene.mesh.triangle_count());
-  for (Index t = 0; t < removed.size(); ++t)
+  for_each_index(removed.size(), [&](std::size_t t) {
     removed[t] = holes.of_triangle[t] != kNone && groups.replaced(holes.of_triangle[t]);
+  });
   for (Index h = 0; h < holes.count(); ++h) {
     report.holes_given_up += groups.failed(h);
     report.holes_alike += !groups.failed(h) && !groups.replaced(h);
@@ -393,7 +398,7 @@ std::vector<std::uint8_t> needed(const Fitting& with, const std::vector<std::uin
   const NarrowOptions& how = with.scene.options.narrow;
   const double apart = how.apart * with.scene.options.edge_length, share = how.width / how.apart;
   std::vector<std::uint8_t> kept(hot.size());
-  for (int turn = 0; turn < 8; ++turn) {
+  tbb::parallel_for(0, 8, [&](int turn) {
     const DVec3 offset = DVec3(turn >> 2 & 1, turn >> 1 & 1, turn & 1) * 0.5 + shift;
     std::vector<std::uint8_t> asked(hot.size());
     for_each_index(hot.size(), [&](std::size_t v) {
@@ -410,8 +415,10 @@ std::vector<std::uint8_t> needed(const Fitting& with, const std::vector<std::uin
           visit(mesh.vertex[h], tried.holes.of_triangle[h / 3]);
     };
     for_each_asked([&](Index v, Index hole) { needs[hole] |= sure[v]; });
-    for_each_asked([&](Index v, Index hole) { kept[v] |= needs[hole]; });
-  }
+    for_each_asked([&](Index v, Index hole) {
+      if (needs[hole]) std::atomic_ref(kept[v]).store(1, std::memory_order_relaxed);
+    });
+  });
   return kept;
 }
 
@@ -495,10 +502,11 @@ void coarsen(TriangleMesh& mesh, Index first_new, const ReskinOptions& options) 
 }
 
 std::size_t count_new(const TriangleMesh& mesh, Index first_new) {
-  std::size_t triangles = 0;
-  for (Index h = 0; h < mesh.vertex.size(); h += 3)
-    triangles += mesh.vertex[h] >= first_new || mesh.vertex[h + 1] >= first_new || mesh.vertex[h + 2] >= first_new;
-  return triangles;
+  const auto is_new = [&](Index t) {
+    const Index* const corner = &mesh.vertex[3 * std::size_t{t}];
+    return corner[0] >= first_new || corner[1] >= first_new || corner[2] >= first_new;
+  };
+  return indices_where(mesh.triangle_count(), is_new).size();
 }
 
 }  // namespace
@@ -517,6 +525,7 @@ ReskinReport reskin(TriangleMesh& mesh, const MeshPieces& pieces, const Certific
       folded_vertices(mesh, normals),
       vertices_of_failed(pieces, certificate),
       options.replace_all ? vertices_of_failed(pieces, certificate) : failed_vertices(pieces, certificate),
+      outgoing_halfedges(mesh),
       backend};
   std::vector<Vec3> sure;
   for (std::size_t i = 0; i < sites.point.size(); ++i)
