@@ -5,6 +5,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <span>
 #include <stdexcept>
@@ -293,82 +294,73 @@ ColumnNumbers list_columns(const BrickLattice& lattice, MeshColumns& out) {
   return ColumnNumbers(out.column);
 }
 
-/// Tells of vertices whether they are far from wanted columns, and from those that are not the lattice's.
-class QuietColumns {
+/// The first and last columns of a stretch, in x and y.
+using ColumnStretch = std::array<glm::ivec2, 2>;
+
+/// Counts wanted columns, and those that are not the lattice's, in stretches of columns at once.
+class WantedColumns {
 public:
-  QuietColumns(const BrickLattice& lattice, const ColumnNumbers& numbers, const std::vector<std::uint8_t>& wanted)
-      : low_(numbers.low()), size_(numbers.size()), origin_(lattice.origin), per_cell_(1.0 / lattice.spacing) {
-    if (!numbers.is_table() || std::max(size_.x, size_.y) > kMostAcross) return;
-    quiet_.assign(std::size_t(size_.x) * std::size_t(size_.y), 1);
-    for (int x = -1; x <= size_.x; ++x)
-      for (int y = -1; y <= size_.y; ++y) {
-        const Index number = numbers.of({low_.x + x, low_.y + y, 0});
-        if (number != kNone && !wanted[number]) continue;
-        for (int i = std::max(0, x - 1); i <= std::min(size_.x - 1, x + 1); ++i)
-          for (int j = std::max(0, y - 1); j <= std::min(size_.y - 1, y + 1); ++j) quiet_[place(i, j)] = 0;
-      }
+  WantedColumns(const ColumnNumbers& numbers, const std::vector<std::uint8_t>& wanted)
+      : low_(numbers.low()), size_(numbers.size()), numbers_(numbers), wanted_(wanted) {
+    if (!numbers.is_table()) return;
+    below_.assign(std::size_t(size_.x + 1) * std::size_t(size_.y + 1), 0);
+    for (int x = 0; x < size_.x; ++x)
+      for (int y = 0; y < size_.y; ++y)
+        below_[place(x + 1, y + 1)] = Index(is_wanted({low_.x + x, low_.y + y, 0})) + below_[place(x, y + 1)] +
+                                      below_[place(x + 1, y)] - below_[place(x, y)];
   }
 
-  /// 0 where something is wanted about the vertex's column, or nothing is known; else a name of that column.
-  std::uint32_t name(const Vec3& p) const {
-    const glm::dvec2 at = (glm::dvec2(p) - origin_) * (per_cell_ / kCells) - glm::dvec2(low_);
-    if (quiet_.empty() || !(at.x >= 0.0 && at.y >= 0.0 && at.x < size_.x && at.y < size_.y)) return 0;
-    const int x = int(at.x), y = int(at.y);
-    return quiet_[place(x, y)] ? std::uint32_t(x + 1) << 16 | std::uint32_t(y) : 0;
-  }
-  /// Whether nothing is wanted about a triangle whose vertices' columns have these names.
-  static bool about(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    if (a == 0 || b == 0 || c == 0) return false;
-    return (a == b && b == c) || (near(a, b) && near(b, c) && near(c, a));
+  bool any(const ColumnStretch& columns) const {
+    const glm::ivec2 from = columns[0] - low_, to = columns[1] - low_ + 1;
+    if (from.x < 0 || from.y < 0 || to.x > size_.x || to.y > size_.y) return true;
+    if (!below_.empty())
+      return below_[place(to.x, to.y)] - below_[place(from.x, to.y)] - below_[place(to.x, from.y)] +
+                 below_[place(from.x, from.y)] !=
+             0;
+    for (int x = columns[0].x; x <= columns[1].x; ++x)
+      for (int y = columns[0].y; y <= columns[1].y; ++y)
+        if (is_wanted({x, y, 0})) return true;
+    return false;
   }
 
 private:
-  static constexpr int kMostAcross = 1 << 15;
-  static bool near(std::uint32_t a, std::uint32_t b) {
-    const int x = int(a >> 16) - int(b >> 16), y = int(a & 0xffff) - int(b & 0xffff);
-    return x >= -1 && x <= 1 && y >= -1 && y <= 1;
+  bool is_wanted(const IVec3& column) const {
+    const Index number = numbers_.of(column);
+    return number == kNone || wanted_[number];
   }
-  std::size_t place(int x, int y) const { return std::size_t(x) * std::size_t(size_.y) + std::size_t(y); }
+  std::size_t place(int x, int y) const { return std::size_t(x) * std::size_t(size_.y + 1) + std::size_t(y); }
 
   glm::ivec2 low_, size_;
-  glm::dvec2 origin_;
-  double per_cell_;
-  std::vector<std::uint8_t> quiet_;
+  const ColumnNumbers& numbers_;
+  const std::vector<std::uint8_t>& wanted_;
+  std::vector<Index> below_;  // how many there are with smaller x and y
 };
 
-/// Triangles that may cross a wanted column, or one that is not the lattice's, and not many others.
+/// Triangles that may cross a wanted column, or one that is not the lattice's, and not many others. Blocks of them,
+/// which lie near each other, are looked at first.
 std::vector<Index> triangles_about(const TriangleMesh& mesh, const BrickLattice& lattice, const ColumnNumbers& numbers,
                                    const std::vector<std::uint8_t>& wanted) {
   constexpr double kSlack = 0.01;  // of a corner, for rounding
-  if (wanted.empty()) return indices_where(mesh.triangle_count(), [](Index) { return true; });
-  const QuietColumns quiet(lattice, numbers, wanted);
-  // The first and last columns about a vertex.
-  using Columns = std::array<glm::ivec2, 2>;
-  const auto columns_about = [&](Index v) -> Columns {
-    const glm::dvec2 q(in_lattice(lattice, mesh.vertices.position[v], v));
-    return {glm::ivec2(glm::floor((q - (1.0 + kSlack)) / double(kCells))),
-            glm::ivec2(glm::floor((q + kSlack) / double(kCells)))};
+  constexpr std::size_t kBlock = 64, kFew = 8;
+  const WantedColumns columns(numbers, wanted);
+  const auto reaches = [&](std::size_t first, std::size_t end) {
+    glm::vec2 low(std::numeric_limits<float>::infinity()), high = -low;
+    for (std::size_t h = 3 * first; h < 3 * end; ++h) {
+      const glm::vec2 p(mesh.position(mesh.vertex[h]));
+      low = glm::min(low, p), high = glm::max(high, p);
+    }
+    const glm::dvec2 from(in_lattice(lattice, Vec3(low, 0.0f), mesh.vertex[3 * first]));
+    const glm::dvec2 to(in_lattice(lattice, Vec3(high, 0.0f), mesh.vertex[3 * first]));
+    return columns.any({glm::ivec2(glm::floor((from - (1.0 + kSlack)) / double(kCells))),
+                        glm::ivec2(glm::floor((to + kSlack) / double(kCells)))});
   };
-  std::vector<std::uint32_t> name(mesh.vertex_count());
-  std::vector<Columns> known(mesh.vertex_count());  // where the name is 0
-  for_each_index(name.size(), [&](std::size_t v) {
-    name[v] = quiet.name(mesh.position(Index(v)));
-    if (name[v] == 0) known[v] = columns_about(Index(v));
-  });
-  const auto about = [&](Index v) { return name[v] == 0 ? known[v] : columns_about(v); };
-  return indices_where(mesh.triangle_count(), [&](Index t) {
-    const Index* const v = &mesh.vertex[3 * std::size_t{t}];
-    if (QuietColumns::about(name[v[0]], name[v[1]], name[v[2]])) return false;
-    const auto a = about(v[0]), b = about(v[1]), c = about(v[2]);
-    const glm::ivec2 from = glm::min(glm::min(a[0], b[0]), c[0]), to = glm::max(glm::max(a[1], b[1]), c[1]);
-    const glm::ivec2 end = numbers.low() + numbers.size();
-    if (from.x < numbers.low().x || from.y < numbers.low().y || to.x >= end.x || to.y >= end.y) return true;
-    for (int x = from.x; x <= to.x; ++x)
-      for (int y = from.y; y <= to.y; ++y) {
-        const Index number = numbers.of({x, y, 0});
-        if (number == kNone || wanted[number]) return true;
-      }
-    return false;
+  const std::size_t count = mesh.triangle_count();
+  const std::vector<Index> blocks = indices_where(
+      (count + kBlock - 1) / kBlock, [&](Index b) { return reaches(b * kBlock, std::min(count, (b + 1) * kBlock)); });
+  return collect(blocks.size(), kFew, [&](Index i, std::vector<Index>& list) {
+    const std::size_t first = blocks[i] * kBlock;
+    for (std::size_t t = first; t < std::min(count, first + kBlock); ++t)
+      if (reaches(t, t + 1)) list.push_back(Index(t));
   });
 }
 
