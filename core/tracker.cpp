@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 
 #include "core/field/skeleton_field.h"
 #include "core/frame_step.h"
@@ -130,10 +131,8 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   material_is_known_ = frame.velocity != nullptr;
   {
     Step step(report, "advance");
-    backend_->set_field(frame.field);
-    wake_up(frame);
+    take_up(frame);
   }
-  note_start(frame);
   operate(frame, report);
   Evidence evidence = sample(frame, report);
   OpenSet open = move(frame, evidence, report);
@@ -204,13 +203,24 @@ void Tracker::report_survivors(const std::vector<Index>& before, Index first_new
   report.inherited = double(count_in_all(then, now, inherited_)) / double(before.size());
 }
 
+/// The backend, the field's bounds and the skin are seen to side by side.
+void Tracker::take_up(const FieldFrame& frame) {
+  const auto set_field = [&] { backend_->set_field(frame.field); };
+  if (!started_) return set_field();
+  changes_ = changes_between(*last_field_, *frame.field);
+  const auto follow_bounds = [&] {
+    const auto *before = dynamic_cast<const SkeletonField*>(last_field_.get()),
+               *now = dynamic_cast<const SkeletonField*>(frame.field.get());
+    if (before && now) now->follow_bounds(*before, ChangeMask(changes_, 0.0));
+  };
+  tbb::parallel_invoke(set_field, follow_bounds, [&] {
+    wake_up(frame);
+    note_start(frame);
+  });
+}
+
 /// A velocity grid may move material within a surface that stands still.
 void Tracker::wake_up(const FieldFrame& frame) {
-  if (!started_) return;
-  changes_ = changes_between(*last_field_, *frame.field);
-  const auto *before = dynamic_cast<const SkeletonField*>(last_field_.get()),
-             *now = dynamic_cast<const SkeletonField*>(frame.field.get());
-  if (before && now) now->follow_bounds(*before, ChangeMask(changes_, 0.0));
   const FieldChanges moves = frame.velocity ? FieldChanges{true, {}} : changes_;
   wake(mesh_.vertices, ChangeMask(moves, options_.sleep.margin * options_.edge_length));
 }

@@ -190,6 +190,7 @@ private:
   double seconds_to(const FieldFrame& frame) const { return started_ ? frame.time - time_ : 0.0; }
   void report_survivors(const std::vector<Index>& before, Index first_new, const std::optional<MeshChanges>& changes,
                         FrameReport& report) const;
+  void take_up(const FieldFrame& frame);
   void wake_up(const FieldFrame& frame);
   void note_start(const FieldFrame& frame);
   void operate(const FieldFrame& frame, FrameReport& report, int parts = 1);
@@ -245,12 +246,12 @@ private:
   ShapeSums shape_;  // of the mechanical mesh
   GeometricSkin geometric_;
   std::vector<LedgerEntry> ledger_;
-  std::vector<Index> inherited_;          // ids that vertices of new skin have taken over in this frame
-  CriticalState critical_;                // of the last field, where it has second derivatives
-  TriangleMesh start_;                    // the mesh at the frame's start, and where it can be operated on
-  CriticalState critical_at_start_;       // the critical points then
-  std::shared_ptr<const Field> lies_on_;  // the mesh, before it moves to the frame's field
-  std::vector<CriticalPath> paths_;       // of critical points from that field to the frame's
+  std::vector<Index> inherited_;     // ids that vertices of new skin have taken over in this frame
+  CriticalState critical_;           // of the last field, where it has second derivatives
+  TriangleMesh start_;               // the mesh at the frame's start, and where it can be operated on
+  CriticalState critical_at_start_;  // the critical points then
+  CriticalState critical_before_;    // these, and the field on which the mesh lies before it moves to the frame's
+  CriticalTracking tracking_;        // of critical points to the frame's field
 };
 
 }  // namespace isoskin

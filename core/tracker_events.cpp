@@ -47,7 +47,7 @@ void Tracker::follow_in_parts(const FieldFrame& frame, Evidence& evidence, Frame
 /// skin follows the field to a moment between them first. And it does so for each of `parts` of the frame.
 void Tracker::operate(const FieldFrame& frame, FrameReport& report, int parts) {
   ledger_.clear();
-  paths_.clear();
+  tracking_ = {};
   const bool wanted = options_.topology != Topology::collision;
   if (!wanted || !last_field_ || !has_critical_points(*last_field_) || !has_critical_points(*frame.field)) {
     critical_ = {};
@@ -110,10 +110,9 @@ Tracker::Operated Tracker::operated_on(const EventPlan& plan, FrameReport& repor
 
 /// With the ledger of what was done.
 void Tracker::take_over(Operated operated, EventPlan plan, const FieldFrame& frame, FrameReport& report) {
-  lies_on_ = critical_.field;
   if (operated.mesh) mesh_ = *std::move(operated.mesh);
-  critical_ = std::move(operated.critical);
-  paths_ = std::move(plan.tracking.paths);
+  critical_before_ = std::exchange(critical_, std::move(operated.critical));
+  tracking_ = std::move(plan.tracking);
   const EventReport& done = operated.report;
   for (const CriticalEvent& event : done.events)
     if (event.done) {
@@ -127,7 +126,8 @@ ThinMotion Tracker::thin_motion(const Field& field) const {
   constexpr double kThin = 1.2;  // of e
   ThinOptions options = thin_options();
   options.thin = kThin;
-  return ThinMotion(mesh_, paths_, lies_on_ ? *lies_on_ : field, field, options);
+  const std::shared_ptr<const Field>& lies_on = critical_before_.field;
+  return ThinMotion(mesh_, tracking_, critical_before_.points, lies_on ? *lies_on : field, field, options);
 }
 
 /// On grids collisions save a fifth of what local re-skins replace and take longer than that saves (perf/results.md).

@@ -137,6 +137,21 @@ TEST(Track, crossings_account_for_the_change_of_topology) {
   EXPECT_GT(events, 5);
 }
 
+TEST(Track, what_the_field_does_not_change_about_is_still) {
+  const CriticalOptions options = options_for(0.1);
+  const SkeletonField before({ball({-2, 0, 0}, 0.9), ball({0.5, 0, 0}, 0.9), ball({1.8, 0, 0}, 0.9)}, 0.25);
+  const SkeletonField after({ball({-2, 0.05, 0}, 0.9), ball({0.5, 0, 0}, 0.9), ball({1.8, 0, 0}, 0.9)}, 0.25);
+  const auto then = all_of(before, options), now = all_of(after, options);
+  const ChangeMask changed(changes_between(before, after), options.reach * options.edge_length);
+  const CriticalTracking whole = track(then, now, before, after, options),
+                         part = track(then, now, before, after, options, {}, changed);
+  ASSERT_EQ(part.still.size(), 3u);
+  EXPECT_EQ(part.still.size() + part.paths.size(), whole.paths.size());
+  EXPECT_EQ(part.matched, whole.matched);
+  for (const Index i : part.still) EXPECT_GT(then[i].position.x, 0.0);
+  for (const CriticalPath& path : part.paths) EXPECT_LT(path.first.position.x, 0.0);
+}
+
 TEST(BlendField, is_what_it_says) {
   const SkeletonField a = pair_of_balls(0.7, 0.2), b = pair_of_balls(0.5, 0.3);
   const auto skeleton = field_between(a, b, 0.3);

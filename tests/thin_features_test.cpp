@@ -127,7 +127,9 @@ TEST(ThinMotion, keeps_a_ring_about_a_waist_that_moves_aside_by_more_than_its_ra
   for (Index v = 0; v < 6; ++v) mesh.vertices.position[v] = Vec3(project_point(before, waist * way(v), project).point);
   ThinOptions options;
   options.edge_length = critical.edge_length;
-  const ThinMotion motion(mesh, std::span(&path, 1), before, after, options);
+  CriticalTracking tracking;
+  tracking.paths = {path};
+  const ThinMotion motion(mesh, tracking, {}, before, after, options);
   for (Vec3& p : mesh.vertices.position) p = Vec3(project_point(after, DVec3(p), project).point);
   motion.apply(mesh, after, 0.5);
   for (Index v = 0; v < 6; ++v) {

@@ -392,7 +392,7 @@ void join_single(const LatticeTopology& t, DisjointSets& sets, Index brick, int 
   const BrickParts& parts = t.parts[other];
   if (parts.of_crossing.empty()) {
     std::uint64_t any = 0;
-    for (int word = 0; word < 24; ++word) any |= t.crossings[other].mask[word] & kShared[i][word];
+    for (int word = 0; word < 24 && !any; ++word) any = t.crossings[other].mask[word] & kShared[i][word];
     if (any) sets.unite(t.first_part[brick], t.first_part[other]);
     return;
   }

@@ -85,15 +85,11 @@ private:
   State state_ = State::running;
 };
 
-bool before(const DVec3& a, const DVec3& b) {
-  return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
-}
-
 /// Of the points (each an index), in order of place, the first of every group nearer than `distance` to it.
 template <class Place>
 std::vector<Index> one_of_each(std::vector<Index> points, double distance, const Place& place) {
   tbb::parallel_sort(points.begin(), points.end(), [&](Index a, Index b) {
-    return before(place(a), place(b)) || (!before(place(b), place(a)) && a < b);
+    return before_in_space(place(a), place(b)) || (!before_in_space(place(b), place(a)) && a < b);
   });
   std::vector<Index> kept;
   Places known(distance);
@@ -286,6 +282,10 @@ std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& ba
   for (const Index v : near)
     if (least[v] && asked[v] != kNone) seeds.emplace_back(mesh.position(v));
   return seeds;
+}
+
+bool before_in_space(const DVec3& a, const DVec3& b) {
+  return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
 }
 
 void merge_critical_points(std::vector<CriticalPoint>& points, double distance) {

@@ -79,6 +79,9 @@ CriticalSearch find_critical_points(const Field& field, Backend& backend, std::s
 std::vector<DVec3> least_gradient_vertices(const TriangleMesh& mesh, Backend& backend,
                                            const ChangeMask& about = {{true, {}}, 0.0});
 
+/// The order of critical points: of x, then of y, then of z.
+bool before_in_space(const DVec3& a, const DVec3& b);
+
 /// Sorts by position and keeps the first of every cluster of points nearer to it than `distance`.
 void merge_critical_points(std::vector<CriticalPoint>& points, double distance);
 

@@ -87,20 +87,11 @@ private:
   const TrackingOptions& tracking_;
 };
 
-CriticalPath stay(const CriticalPoint& point) {
-  CriticalPath path;
-  path.first = path.last = point;
-  path.still = true;
-  return path;
-}
-
 std::vector<CriticalPath> follow_all(const std::vector<CriticalPoint>& points, const Continuation& continuation,
-                                     const ChangeMask& changed, bool forward) {
+                                     bool forward) {
   std::vector<CriticalPath> paths(points.size());
-  tbb::parallel_for(std::size_t(0), points.size(), [&](std::size_t i) {
-    paths[i] =
-        forward && !changed.contains(points[i].position) ? stay(points[i]) : continuation.follow(points[i], forward);
-  });
+  tbb::parallel_for(std::size_t(0), points.size(),
+                    [&](std::size_t i) { paths[i] = continuation.follow(points[i], forward); });
   return paths;
 }
 
@@ -109,9 +100,8 @@ std::vector<CriticalPoint> without_degenerate(std::vector<CriticalPoint> points)
   return points;
 }
 
-bool before_in_space(const CriticalPath& a, const CriticalPath& b) {
-  const DVec3 &p = a.first.position, &q = b.first.position;
-  return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z < q.z;
+bool begins_before(const CriticalPath& a, const CriticalPath& b) {
+  return before_in_space(a.first.position, b.first.position);
 }
 
 }  // namespace
@@ -138,31 +128,45 @@ CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::ve
                        const TrackingOptions& tracking, const ChangeMask& changed) {
   const Continuation continuation(before, after, options, tracking);
   CriticalTracking result;
-  result.paths = follow_all(without_degenerate(previous), continuation, changed, true);
+  std::vector<CriticalPoint> moving;
+  for (Index i = 0; i < previous.size(); ++i) {
+    if (previous[i].kind == CriticalKind::degenerate) continue;
+    if (changed.contains(previous[i].position))
+      moving.push_back(previous[i]);
+    else
+      result.still.push_back(i);
+  }
+  result.paths = follow_all(moving, continuation, true);
 
   const double same = options.merge * options.edge_length;
-  Places known(same);
-  if (!found.empty())
-    for (const CriticalPath& path : result.paths)
-      if (path.exists_after()) known.add(path.last.position);
   std::vector<CriticalPoint> fresh = without_degenerate(found);
+  Box about;
+  for (const CriticalPoint& point : fresh) about.add(point.position);
+  about = about.grown(2.0 * same);
+  Places known(same);
+  const auto know = [&](const DVec3& p) {
+    if (glm::all(glm::lessThan(about.low, p)) && glm::all(glm::lessThan(p, about.high))) known.add(p);
+  };
+  for (const CriticalPath& path : result.paths)
+    if (path.exists_after()) know(path.last.position);
+  for (const Index i : result.still) know(previous[i].position);
   std::erase_if(fresh, [&](const CriticalPoint& point) { return known.any_near(point.position); });
   const auto sort_from = [&](std::size_t first) {
     const auto begin = result.paths.begin() + std::ptrdiff_t(first);
-    if (!std::is_sorted(begin, result.paths.end(), before_in_space))
-      std::sort(begin, result.paths.end(), before_in_space);
+    if (!std::is_sorted(begin, result.paths.end(), begins_before)) std::sort(begin, result.paths.end(), begins_before);
   };
   const std::size_t followed = result.paths.size();
   sort_from(0);
-  for (CriticalPath& path : follow_all(fresh, continuation, changed, false)) result.paths.push_back(std::move(path));
+  for (CriticalPath& path : follow_all(fresh, continuation, false)) result.paths.push_back(std::move(path));
   sort_from(followed);
   std::inplace_merge(result.paths.begin(), result.paths.begin() + std::ptrdiff_t(followed), result.paths.end(),
-                     before_in_space);
+                     begins_before);
   for (const CriticalPath& path : result.paths) {
     result.matched += path.existed_before() && path.exists_after();
     result.born += !path.existed_before();
     result.died += !path.exists_after();
   }
+  result.matched += result.still.size();
   return result;
 }
 

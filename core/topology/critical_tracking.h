@@ -36,7 +36,6 @@ struct CriticalPath {
   std::optional<CriticalPoint> crossing;  // where its value changes sign, on the blend there
   double crossing_time = 0.0;             // s of the crossing, by linear interpolation of the value
   bool rising = false;                    // from outside (F < 0) to inside
-  bool still = false;                     // the field does not change about it, so it stays as it is
 
   bool existed_before() const { return begin == 0.0; }
   bool exists_after() const { return end == 1.0; }
@@ -49,13 +48,15 @@ struct TrackingOptions {
 
 struct CriticalTracking {
   std::vector<CriticalPath> paths;  // in order of the position at their first moment
+  std::vector<Index> still;         // of `previous`: the field does not change about them, so they stay as they are
   std::size_t matched = 0, born = 0, died = 0;
 };
 
 /// Follows `previous` (critical points of `before`) forward, and those of `found` (of `after`) that no path arrived at
 /// backward. Degenerate points are passed over. Predictor-corrector continuation in float64; a step is halved when
 /// Newton does not confirm a point of the same kind near where it was predicted. Points of `previous` out of `changed`,
-/// which says where the fields differ, stay. Parallel over points; the result does not depend on the number of threads.
+/// which says where the fields differ, are still. Parallel over points; the result does not depend on the number of
+/// threads.
 CriticalTracking track(const std::vector<CriticalPoint>& previous, const std::vector<CriticalPoint>& found,
                        const Field& before, const Field& after, const CriticalOptions& options,
                        const TrackingOptions& tracking = {}, const ChangeMask& changed = {{true, {}}, 0.0});

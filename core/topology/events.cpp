@@ -6,6 +6,7 @@
 #include "core/field/skeleton_field.h"
 #include "core/parallel.h"
 #include "core/topology/critical_interval.h"
+#include "core/topology/places.h"
 
 namespace isoskin {
 namespace {
@@ -27,8 +28,7 @@ constexpr NamedOperation kOperations[4][2] = {
 
 bool before(const CriticalPath& a, const CriticalPath& b) {
   if (a.crossing_time != b.crossing_time) return a.crossing_time < b.crossing_time;
-  const DVec3 &p = a.crossing->position, &q = b.crossing->position;
-  return p.x != q.x ? p.x < q.x : p.y != q.y ? p.y < q.y : p.z < q.z;
+  return before_in_space(a.crossing->position, b.crossing->position);
 }
 
 std::vector<CriticalPath> crossings_of(const CriticalTracking& tracking) {
@@ -81,18 +81,41 @@ CriticalState state_of(std::vector<CriticalPoint> points, std::shared_ptr<const 
 std::vector<CriticalPoint> points_after(const std::vector<CriticalPath>& paths, const Field& field,
                                         const CriticalOptions& options) {
   std::vector<CriticalPoint> points;
-  std::vector<Index> moved;  // among them
-  points.reserve(paths.size());
-  for (const CriticalPath& path : paths) {
-    if (!path.exists_after()) continue;
-    if (!path.still) moved.push_back(Index(points.size()));
-    points.push_back(path.last);
-  }
-  for_each_index(moved.size(), [&](std::size_t i) {
-    CriticalPoint& point = points[moved[i]];
-    point = describe_critical_point(field, point.position, options);
-  });
+  for (const CriticalPath& path : paths)
+    if (path.exists_after()) points.push_back(path.last);
+  for_each_index(points.size(),
+                 [&](std::size_t i) { points[i] = describe_critical_point(field, points[i].position, options); });
   return points;
+}
+
+/// The points of `before` that are still, with those that paths lead to. Both are in order, and what is still has been
+/// merged: only what has come near others is merged with them.
+std::vector<CriticalPoint> with_still(const std::vector<CriticalPoint>& before, const std::vector<Index>& still,
+                                      std::vector<CriticalPoint> others, const CriticalOptions& options) {
+  const double distance = options.merge * options.edge_length;
+  Places near(distance);
+  Box about;
+  for (const CriticalPoint& point : others) near.add(point.position), about.add(point.position);
+  about = about.grown(2.0 * distance);
+  std::vector<Index> apart;
+  apart.reserve(still.size());
+  for (const Index i : still) {
+    const DVec3& p = before[i].position;
+    if (glm::all(glm::lessThan(about.low, p)) && glm::all(glm::lessThan(p, about.high)) && near.any_near(p))
+      others.push_back(before[i]);
+    else
+      apart.push_back(i);
+  }
+  merge_critical_points(others, distance);
+  std::vector<CriticalPoint> all;
+  all.reserve(apart.size() + others.size());
+  auto other = others.begin();
+  for (const Index i : apart) {
+    while (other != others.end() && before_in_space(other->position, before[i].position)) all.push_back(*other++);
+    all.push_back(before[i]);
+  }
+  all.insert(all.end(), other, others.end());
+  return all;
 }
 
 bool can_be_searched_completely(const SkeletonField& field, const EventOptions& options) {
@@ -220,13 +243,11 @@ EventReport operate_on_critical_events(TriangleMesh& mesh, CriticalState& state,
     report.events.push_back(operate(mesh, path, *plan.field, options.surgery));
     ++(report.events.back().done ? report.done : report.left_over);
   }
-  const std::vector<CriticalPath>& paths = plan.tracking.paths;
-  const bool as_before = paths.size() == state.points.size() &&
-                         std::all_of(paths.begin(), paths.end(), [](const CriticalPath& path) { return path.still; });
-  if (as_before)
-    state.field = plan.field;
-  else
-    state = state_of(points_after(paths, *plan.field, options.critical), plan.field, options);
+  const CriticalTracking& tracking = plan.tracking;
+  state.field = plan.field;
+  if (!tracking.paths.empty() || tracking.still.size() != state.points.size())
+    state.points = with_still(state.points, tracking.still, points_after(tracking.paths, *plan.field, options.critical),
+                              options.critical);
   report.critical_points = state.points.size();
   report.degenerate = plan.degenerate;
   report.born = plan.tracking.born;

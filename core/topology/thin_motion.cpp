@@ -64,30 +64,35 @@ DVec3 turned(const DVec3& p, const DVec3& a, const DVec3& b) {
 
 }  // namespace
 
-ThinMotion::ThinMotion(const TriangleMesh& mesh, std::span<const CriticalPath> paths, const Field& before,
-                       const Field& after, const ThinOptions& options)
+ThinMotion::ThinMotion(const TriangleMesh& mesh, const CriticalTracking& tracking,
+                       std::span<const CriticalPoint> previous, const Field& before, const Field& after,
+                       const ThinOptions& options)
     : options_(options) {
   const double thin2 = std::pow(options.thin * options.edge_length, 2.0);
   std::vector<const Field*> lies_on;
-  for (const CriticalPath& path : paths) {
-    if (!path.exists_after() || !is_passage(path.last)) continue;
-    const bool stays = path.existed_before() && is_passage(path.first);
-    const CriticalPoint& first = stays ? path.first : path.last;  // new tubes are made where they are going
-    const Curvatures curved_before(first), curved_after(path.last);
+  const auto add = [&](const CriticalPoint& first, const CriticalPoint& last, const Field& on) {
+    const Curvatures curved_before(first), curved_after(last);
     const double waist2_before = 2.0 * std::abs(first.value) / curved_before.sharper;
-    const double waist2_after = 2.0 * std::abs(path.last.value) / curved_after.sharper;
+    const double waist2_after = 2.0 * std::abs(last.value) / curved_after.sharper;
     const double spare = thin2 - std::min(waist2_before, waist2_after);
-    if (spare <= 0.0) continue;
+    if (spare <= 0.0) return;
     const double radius = std::sqrt((waist2_before + spare) * curved_before.sharper / curved_before.blunter);
     const double half = std::sqrt(spare * curved_before.sharper / curved_before.along);
-    DVec3 axis = axis_of(path.last);
+    DVec3 axis = axis_of(last);
     if (glm::dot(axis, axis_of(first)) < 0.0) axis = -axis;
     parts_.push_back({{first.position, axis_of(first), is_solid(first)},
-                      {path.last.position, axis, is_solid(first)},
+                      {last.position, axis, is_solid(first)},
                       std::min(half, options.longest * options.edge_length),
                       radius});
-    lies_on.push_back(stays ? &before : &after);
+    lies_on.push_back(&on);
+  };
+  for (const CriticalPath& path : tracking.paths) {
+    if (!path.exists_after() || !is_passage(path.last)) continue;
+    const bool stays = path.existed_before() && is_passage(path.first);
+    add(stays ? path.first : path.last, path.last, stays ? before : after);  // new tubes are made where they are going
   }
+  for (const Index i : tracking.still)
+    if (is_passage(previous[i])) add(previous[i], previous[i], before);
   if (parts_.empty()) return;
   constexpr double kOnIt = 0.02, kSlack = 0.01;  // of e
   std::vector<Vec3> center;

@@ -17,10 +17,10 @@ namespace isoskin {
 class ThinMotion {
 public:
   /// Notes the vertices on necks and tunnels that are thin before or after and stay, while `mesh` lies on the surface
-  /// of `before`, and on those that are new and lie on `after` already. `paths` lead from the one field to the other.
-  /// Parallel.
-  ThinMotion(const TriangleMesh& mesh, std::span<const CriticalPath> paths, const Field& before, const Field& after,
-             const ThinOptions& options);
+  /// of `before`, and on those that are new and lie on `after` already. `tracking`: of the critical points `previous`
+  /// of the one field to the other. Parallel.
+  ThinMotion(const TriangleMesh& mesh, const CriticalTracking& tracking, std::span<const CriticalPoint> previous,
+             const Field& before, const Field& after, const ThinOptions& options);
 
   /// Puts the vertices noted on the surface of `after` in a mesh of the same vertices. With `dt` (seconds, > 0) their
   /// velocities tell of this motion.
