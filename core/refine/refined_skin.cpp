@@ -267,6 +267,7 @@ private:
       if (core(t)) {
         last_.changed_->push_back(last_.bounds(t).box());
         blocks_.push_back(last_.slot_[t] / kBlockSlots);
+        if (!last_.counted_.empty()) last_.uncounted_.push_back(last_.slot_[t]);
       }
     last_.update_blocks(std::move(blocks_));
     list_crossings();
@@ -276,11 +277,17 @@ private:
 
   /// Triangles that go or are of the core.
   void take_out() {
-    const std::vector<Index> out = indices_where(match_.old_triangles(), [&](Index o) {
-      const Index t = match_.new_triangle(o);
-      return t == kNone || core(t);
-    });
-    last_.count_shapes(out, -1);
+    std::vector<Index> out, slots;
+    for (const Index t : triangle_)
+      if (core(t) && old_triangle(t) != kNone) out.push_back(old_triangle(t));
+    if (!match_.is_identity()) {
+      const std::vector<Index> gone =
+          indices_where(match_.old_triangles(), [&](Index o) { return match_.new_triangle(o) == kNone; });
+      out.insert(out.end(), gone.begin(), gone.end());
+      std::sort(out.begin(), out.end());
+    }
+    for (const Index o : out) slots.push_back(last_.slot_[o]);
+    last_.count_shapes(slots, -1);
     for (const Index o : out) {
       last_.changed_->push_back(last_.bounds(o).box());
       last_.triangles_ -= last_.child(o).count;

@@ -106,7 +106,7 @@ private:
   std::vector<Crossing> find_crossings(const TriangleMesh& skin, const std::vector<std::uint8_t>& fresh) const;
   std::vector<std::array<Index, 3>> plain_corners(const TriangleMesh& skin, const std::vector<Index>& some) const;
   Index new_slot();
-  void count_shapes(const std::vector<Index>& triangles, int times) const;
+  void count_shapes(const std::vector<Index>& slots, int times) const;
   void put_in_order() const;
   void carry_attributes() const;
   void replace_normals() const;
@@ -129,6 +129,7 @@ private:
   mutable ShapeSums shape_;
   // Per slot: what its children have added to them, nothing where they are not among them; empty until asked for.
   mutable std::vector<ShapeSums::Sum> counted_;
+  mutable std::vector<Index> uncounted_;           // slots, perhaps repeating, when some are counted
   mutable std::vector<std::uint16_t> angle_step_;  // per row of triangles that are among them
 
   VertexTable skin_;  // its vertices, without positions

@@ -108,8 +108,8 @@ std::array<Vec3, 3> RefinedSkin::corners(Index child) const {
   return {position(v[0]), position(v[1]), position(v[2])};
 }
 
-/// Counts what the triangles' children add up to, or takes back what has been counted.
-void RefinedSkin::count_shapes(const std::vector<Index>& triangles, int times) const {
+/// Counts what the slots' children add up to, or takes back what has been counted; each slot once.
+void RefinedSkin::count_shapes(const std::vector<Index>& slots, int times) const {
   if (counted_.empty()) return;
   constexpr std::size_t kBlock = 128;
   angle_step_.resize(geometric_.parent_triangle.size());
@@ -122,12 +122,11 @@ void RefinedSkin::count_shapes(const std::vector<Index>& triangles, int times) c
     }
     return times > 0 ? sum : std::exchange(sum, {});
   };
-  tbb::parallel_for(std::size_t(0), (triangles.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+  tbb::parallel_for(std::size_t(0), (slots.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
     ShapeSums::Sum sum;
-    for (std::size_t i = block * kBlock; i < std::min(triangles.size(), (block + 1) * kBlock); ++i) {
-      const Index slot = slot_[triangles[i]];
-      const bool counted = counted_[slot].triangles > 0;
-      if (counted != (times > 0)) sum.add(count_children(slot));
+    for (std::size_t i = block * kBlock; i < std::min(slots.size(), (block + 1) * kBlock); ++i) {
+      const bool counted = counted_[slots[i]].triangles > 0;
+      if (counted != (times > 0)) sum.add(count_children(slots[i]));
     }
     shape_.count(sum, times);
   });
@@ -137,8 +136,13 @@ ShapeStatistics RefinedSkin::statistics() const {
   if (counted_.empty()) {
     counted_.assign(child_.size(), {});
     shape_ = ShapeSums(unit_);
+    uncounted_ = slot_;
   }
-  count_shapes(indices_where(slot_.size(), [&](Index t) { return counted_[slot_[t]].triangles == 0; }), 1);
+  std::sort(uncounted_.begin(), uncounted_.end());
+  uncounted_.erase(std::unique(uncounted_.begin(), uncounted_.end()), uncounted_.end());
+  std::erase_if(uncounted_, [&](Index slot) { return triangle_[slot] == kNone; });
+  count_shapes(uncounted_, 1);
+  uncounted_.clear();
   return shape_.statistics();
 }
 
