@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/topology/annulus.h"
 #include "core/topology/mesh_probe.h"
@@ -20,22 +21,27 @@ double farthest(const Section& section, const DVec3& from) {
   return most;
 }
 
-/// All sections of the plane that pass the critical point within reach, each once. Halfedges in order, so the result
-/// is.
-std::vector<Section> sections_within_reach(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
-  constexpr std::size_t kLongest = 4096;
-  std::vector<std::uint8_t> crossed(mesh.vertex.size());
-  const double reach2 = theatre.reach() * theatre.reach();
-  for_each_index(crossed.size(), [&](std::size_t h) {
-    const Vec3& p = mesh.position(mesh.from(Index(h)));
-    const DVec3 x = DVec3(p) - plane.origin;
-    crossed[h] =
-        glm::dot(x, x) <= reach2 && plane.height(p) >= 0.0 && plane.height(mesh.position(mesh.to(Index(h)))) < 0.0;
+/// Those that leave a vertex no farther than this from the point, ascending.
+std::vector<Index> halfedges_about(const TriangleMesh& mesh, const DVec3& point, double distance) {
+  return indices_where(mesh.vertex.size(), [&](Index h) {
+    const DVec3 x = DVec3(mesh.position(mesh.from(h))) - point;
+    return glm::dot(x, x) <= distance * distance;
   });
+}
+
+/// All sections of the plane through halfedges `about` within reach of its origin, each once, in their order.
+std::vector<Section> sections_within_reach(const TriangleMesh& mesh, const std::vector<Index>& about,
+                                           const Theatre& theatre, const Plane& plane) {
+  constexpr std::size_t kLongest = 4096;
+  const double reach2 = theatre.reach() * theatre.reach();
   std::vector<Section> sections;
   std::set<Index> seen;
-  for (Index h = 0; h < crossed.size(); ++h) {
-    if (!crossed[h] || seen.count(h)) continue;
+  for (const Index h : about) {
+    const Vec3& p = mesh.position(mesh.from(h));
+    const DVec3 x = DVec3(p) - plane.origin;
+    const bool crossed =
+        glm::dot(x, x) <= reach2 && plane.height(p) >= 0.0 && plane.height(mesh.position(mesh.to(h))) < 0.0;
+    if (!crossed || seen.count(h)) continue;
     sections.push_back(cut_section(mesh, plane, TriangleMesh::triangle(h), kLongest));
     if (sections.back().halfedge.empty()) {
       sections.pop_back();
@@ -59,13 +65,14 @@ bool is_left(const Section& section, const Theatre& theatre) {
 
 /// The curve of triangles about the critical point in the plane across the axis: it goes round matter, round the point
 /// (or, on a coarse mesh, where a thin neck may have strayed from it, not farther than `search` from it), and is left.
-/// Of several the one that stays nearest.
-Section section_about(const TriangleMesh& mesh, const Theatre& theatre, const Plane& plane) {
+/// Of several the one that stays nearest. `about`: as sections_within_reach() has it.
+Section section_about(const TriangleMesh& mesh, const std::vector<Index>& about, const Theatre& theatre,
+                      const Plane& plane) {
   const double search = theatre.options.search * theatre.e();
   Section best;
   bool best_encloses = false;
   double least = theatre.reach();
-  for (Section& section : sections_within_reach(mesh, theatre, plane)) {
+  for (Section& section : sections_within_reach(mesh, about, theatre, plane)) {
     const double far = farthest(section, plane.origin);
     Plane own = plane;
     own.origin = middle_of(section);
@@ -101,29 +108,33 @@ struct Cut {
 Cut cut_about(const TriangleMesh& mesh, const Theatre& theatre) {
   constexpr double kTilts[] = {0.25, 0.5, 0.8}, kShifts[] = {0.0, -0.25, 0.25, -0.5, 0.5};  // tangents; of e
   constexpr int kDirections = 8;
-  constexpr double kFarthest = 4.0;  // of e
+  constexpr double kFarthest = 4.0, kLongestEdge = 2.0;  // of e
   const DVec3 origin = theatre.site.before.position, axis = theatre.axis_before();
   Cut best{{origin, axis}, {}};
-  best.section = section_about(mesh, theatre, best.plane);
+  best.section = section_about(mesh, halfedges_about(mesh, origin, theatre.reach()), theatre, best.plane);
   if (!best.section.halfedge.empty()) return best;
   const DVec3 u = theatre.site.before.hessian.vectors[1], v = glm::cross(axis, u);
-  double least = kFarthest * theatre.e();
-  const auto look_in = [&](const Plane& plane) {
-    Section section = section_about(mesh, theatre, plane);
-    if (section.halfedge.empty() || farthest(section, origin) >= least) return;
-    if (winding(section, plane) != int(theatre.matter) || !is_clear(section, theatre)) return;
-    least = farthest(section, origin);
-    best = {plane, std::move(section), false};
-  };
+  std::vector<Plane> planes;
   for (const double shift : kShifts) {
     const DVec3 moved = origin + shift * theatre.e() * axis;
-    if (shift != 0.0) look_in({moved, axis});
+    if (shift != 0.0) planes.push_back({moved, axis});
     for (const double tilt : kTilts)
       for (int i = 0; i < kDirections; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / kDirections;
-        look_in({moved, glm::normalize(axis + tilt * (std::cos(angle) * u + std::sin(angle) * v))});
+        planes.push_back({moved, glm::normalize(axis + tilt * (std::cos(angle) * u + std::sin(angle) * v))});
       }
   }
+  const std::vector<Index> about = halfedges_about(mesh, origin, (kFarthest + kLongestEdge) * theatre.e());
+  std::vector<Section> sections(planes.size());
+  std::vector<double> far(planes.size(), kFarthest * theatre.e());
+  for_each_heavy(planes.size(), [&](std::size_t i) {
+    sections[i] = section_about(mesh, about, theatre, planes[i]);
+    const bool goes_round = !sections[i].halfedge.empty() && farthest(sections[i], origin) < far[i] &&
+                            winding(sections[i], planes[i]) == int(theatre.matter) && is_clear(sections[i], theatre);
+    if (goes_round) far[i] = farthest(sections[i], origin);
+  });
+  const std::size_t nearest = std::size_t(std::min_element(far.begin(), far.end()) - far.begin());
+  if (far[nearest] < kFarthest * theatre.e()) best = {planes[nearest], std::move(sections[nearest]), false};
   return best;
 }
 
