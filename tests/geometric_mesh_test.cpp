@@ -39,13 +39,20 @@ struct Made {
   GeometricReport report;
 };
 
-Made make(const std::shared_ptr<const Field>& field, const TriangleMesh& mechanical, int fillings) {
+RefineOptions finely() {
+  RefineOptions refine;
+  refine.sagitta = 0.003f;
+  refine.shortest = float(kEdge / 3.0);
+  return refine;
+}
+
+Made make(const std::shared_ptr<const Field>& field, const TriangleMesh& mechanical, int fillings,
+          const RefineOptions& refine = finely()) {
   const std::unique_ptr<Backend> backend = make_reference_backend();
   backend->set_field(field);
   const BrickLattice lattice = sample_lattice(*field, *backend, kEdge / 3.0);
   GeometricOptions options;
-  options.refine.sagitta = 0.003f;
-  options.refine.shortest = float(kEdge / 3.0);
+  options.refine = refine;
   options.project = {1e-5f, float(0.5 * kEdge), 32, 32};
   options.edge_length = kEdge;
   options.certify.tolerance = 2.0 * kEdge / 3.0;
@@ -115,6 +122,20 @@ TEST(GeometricMesh, NothingIsFilledWhereTheRefinedMeshShowsTheField) {
   EXPECT_EQ(made.report.hidden, 0u);
   EXPECT_EQ(made.report.fillings, 0);
   EXPECT_EQ(made.mesh.mesh.vertex, without.mesh.mesh.vertex);
+}
+
+TEST(GeometricMesh, WhatMayStayCoarseIsNotFilled) {
+  const double radius = kEdge / 1.0515;  // of an icosahedron with such edges
+  const auto field = std::make_shared<analytic::SphereField>(DVec3(0.0), radius);
+  TriangleMesh skin = test_meshes::icosphere(0);
+  for (Vec3& p : skin.vertices.position) p *= float(radius);
+  RefineOptions coarse;
+  coarse.angle = 65.0f;  // 63.4 between its corners
+  const Made made = make(field, skin, 2, coarse);
+  EXPECT_EQ(made.report.hidden, 0u);
+  EXPECT_EQ(made.mesh.mesh.triangle_count(), skin.triangle_count());
+  coarse.sagitta = 0.01f;
+  EXPECT_GT(make(field, skin, 2, coarse).mesh.mesh.triangle_count(), skin.triangle_count());
 }
 
 TEST(GeometricMesh, WhatIsFoldedIsSmoothedAndTheRestStays) {

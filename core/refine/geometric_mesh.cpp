@@ -1,7 +1,9 @@
 #include "core/refine/geometric_mesh.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <utility>
 
@@ -13,6 +15,19 @@
 #include "core/trace.h"
 
 namespace isoskin {
+namespace {
+
+/// How far an equilateral triangle lies beside a sphere whose normals turn by the wanted angle along its edges, or the
+/// wanted sagitta where that is less, world units: what refinement leaves as it is.
+double left_coarse(const GeometricOptions& options) {
+  const double e = options.edge_length, angle = glm::radians(double(options.refine.angle));
+  const double radius = 0.5 * e / std::sin(0.5 * std::min(angle, std::numbers::pi));
+  const double beside = radius - std::sqrt(std::max(0.0, radius * radius - e * e / 3.0));
+  return options.refine.sagitta > 0.0f ? std::min(beside, double(options.refine.sagitta)) : beside;
+}
+
+}  // namespace
+
 /// The geometric mesh of a frame in the making.
 class Making {
 public:
@@ -25,9 +40,10 @@ public:
         topology_(topology),
         backend_(backend),
         options_(options),
-        tolerance_(options.certify.tolerance) {
-    refining_ = {options.refine, options.project, field.resolution(), options.hidden_centre * tolerance_,
-                 options.edge_length};
+        tolerance_(options.certify.tolerance),
+        hidden_corner_(std::max(options.hidden_corner * tolerance_, left_coarse(options))) {
+    const double stray = std::max(options.hidden_centre * tolerance_, left_coarse(options));
+    refining_ = {options.refine, options.project, field.resolution(), stray, options.edge_length};
     refining_.project.reach = float(options.edge_length);
     kept.refined_triangles_ = 0;
   }
@@ -126,11 +142,11 @@ public:
     done.update(kept_.mesh().mesh, nullptr, backend_,
                 {as_it_is, refining_.project, refining_.voxel, refining_.stray, refining_.unit});
     report = report_;
-    report.still_hidden = look(options_.hidden_corner * tolerance_).size() + done.strays().size();
+    report.still_hidden = look(hidden_corner_).size() + done.strays().size();
   }
 
 private:
-  double least_wrong() const { return tolerance_ * std::min(1.0, options_.hidden_corner); }
+  double least_wrong() const { return std::min(tolerance_, hidden_corner_); }
   bool look_about(const FieldChanges* changes) {
     return looked_ = kept_.wrong_.update_part(kept_.refined_, field_, changes, lattice_, topology_, least_wrong());
   }
@@ -141,7 +157,7 @@ private:
   }
 
   std::vector<Vec3> hidden_places() const {
-    std::vector<Vec3> hidden = kept_.wrong_.farther_than(options_.hidden_corner * tolerance_);
+    std::vector<Vec3> hidden = kept_.wrong_.farther_than(hidden_corner_);
     const std::vector<Vec3> strays = kept_.refined_.strays();
     hidden.insert(hidden.end(), strays.begin(), strays.end());
     return hidden;
@@ -180,7 +196,7 @@ private:
   const LatticeTopology& topology_;
   Backend& backend_;
   const GeometricOptions& options_;
-  const double tolerance_;
+  const double tolerance_, hidden_corner_;
   RefinedSkinOptions refining_;
   std::optional<FarCorners> far_;
   std::optional<GrowingFilling> filling_;

@@ -17,7 +17,7 @@ struct GeometricOptions {
   double edge_length = 1.0;  // e, world units
   CertifyOptions certify;    // as the mechanical mesh was certified; its tolerance is the unit of the next two
   // Lattice corners on the wrong side and farther than this from the surface, and centroids farther than that, are
-  // places which the refined mesh does not show.
+  // places which the refined mesh does not show; not what lies no farther than `refine` leaves triangles of edge e.
   double hidden_corner = 0.15, hidden_centre = 0.25;
   // Triangles of the mechanical mesh nearer than this to such a place are replaced, units of e; each time after the
   // first half as far.
