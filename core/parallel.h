@@ -12,11 +12,17 @@ namespace isoskin {
 
 /// body(i) for every i in [0, count), in parallel; each call must write only what belongs to its i.
 template <class Body>
-void for_each_index(std::size_t count, const Body& body) {
-  constexpr std::size_t kGrain = 256;
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const tbb::blocked_range<std::size_t>& r) {
+void for_each_index(std::size_t count, const Body& body, std::size_t grain = 256) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, grain), [&](const tbb::blocked_range<std::size_t>& r) {
     for (std::size_t i = r.begin(); i != r.end(); ++i) body(i);
   });
+}
+
+/// The same where most calls take a microsecond or more, as what is done to a lattice brick does: a few are shared out.
+template <class Body>
+void for_each_heavy(std::size_t count, const Body& body) {
+  constexpr std::size_t kGrain = 8;
+  for_each_index(count, body, kGrain);
 }
 
 /// to = from in parallel, to where there is memory already: as fast as memory is.

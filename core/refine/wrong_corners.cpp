@@ -204,7 +204,7 @@ std::vector<WrongCorners::Corner> WrongCorners::find(const std::vector<Differing
       candidates.push_back({row.brick, corner, lattice.point(at), value});
     }
   std::vector<double> distance(candidates.size());
-  for_each_index(candidates.size(), [&](std::size_t i) {
+  for_each_heavy(candidates.size(), [&](std::size_t i) {
     const double slope = glm::length(field.sample(candidates[i].point).gradient);
     distance[i] = distance_estimate(candidates[i].value, slope, field.resolution());
   });

@@ -200,7 +200,7 @@ bool is_tunnel(const BrickLattice& lattice, const Field& field, const IVec3& cel
 void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns>& signs, const Field& field,
                              const std::vector<std::uint8_t>& stale) {
   std::vector<std::vector<BrickLattice::Face>> found(lattice.brick_count());
-  for_each_index(found.size(), [&](std::size_t b) {
+  for_each_heavy(found.size(), [&](std::size_t b) {
     if (!stale.empty() && !stale[b]) return;
     std::vector<CrosswiseFace> faces;
     add_faces(lattice, signs[b], b, faces);
@@ -218,7 +218,7 @@ void resolve_ambiguous_faces(BrickLattice& lattice, const std::vector<BrickSigns
 void resolve_tunnels(BrickLattice& lattice, const std::vector<BrickSigns>& of_brick, const Field& field,
                      const std::vector<std::uint8_t>& stale) {
   std::vector<std::vector<std::uint64_t>> found(lattice.brick_count());
-  for_each_index(found.size(), [&](std::size_t b) {
+  for_each_heavy(found.size(), [&](std::size_t b) {
     const BrickSigns& signs = of_brick[b];
     if ((!stale.empty() && !stale[b]) || !signs.mixed()) return;
     const float* value = &lattice.value[b * BrickLattice::kValues];

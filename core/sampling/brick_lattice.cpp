@@ -61,7 +61,7 @@ const BrickLattice::Face* BrickLattice::find_face(const IVec3& corner, int axis)
 
 std::vector<std::uint8_t> with_neighbours(const BrickLattice& lattice, const std::vector<std::uint8_t>& bricks) {
   std::vector<std::uint8_t> all = bricks;
-  for_each_index(bricks.size(), [&](std::size_t b) {
+  for_each_heavy(bricks.size(), [&](std::size_t b) {
     if (!bricks[b]) return;
     for (int i = 0; i < 27; ++i) {
       const Index other = lattice.find(lattice.coordinate[b] + IVec3(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));

@@ -87,7 +87,7 @@ private:
 /// Of every brick.
 inline std::vector<BrickSigns> brick_signs(const BrickLattice& lattice) {
   std::vector<BrickSigns> signs(lattice.brick_count());
-  for_each_index(signs.size(),
+  for_each_heavy(signs.size(),
                  [&](std::size_t b) { signs[b] = BrickSigns(&lattice.value[b * BrickLattice::kValues]); });
   return signs;
 }

@@ -208,7 +208,7 @@ void carry_attributes(TriangleMesh& mesh, Index first, const TriangleMesh& old, 
   for (Index h = 0; h < old.vertex.size(); ++h)
     edges += glm::distance(old.position(old.from(h)), old.position(old.to(h)));
   const float reach = static_cast<float>(kReachInEdges * edges / double(old.vertex.size()));
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 32), [&](const auto& range) {
     ClosestPoint::Neighbour neighbour;
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
       const SurfacePoint at = closest.nearest(points[i], Vec3(outward_normal(DVec3(gradients[i]))), reach, &neighbour);

@@ -142,7 +142,7 @@ std::vector<IVec3> grid_candidates(const BrickGrid& grid, int parts, const Chang
     return only && !only->overlaps({corner, corner + grid.h * double(voxels)});
   };
   std::vector<std::vector<IVec3>> found(grid.brick_coordinate.size());
-  for_each_index(found.size(), [&](std::size_t b) {
+  for_each_heavy(found.size(), [&](std::size_t b) {
     if (left_out(BrickGrid::kBrick * grid.brick_coordinate[b], BrickGrid::kBrick)) return;
     const float* tap = &grid.tap[b * BrickGrid::kTapValues];
     std::array<std::uint16_t, kTaps * kTaps> inside;  // bit z of a row

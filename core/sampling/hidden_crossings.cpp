@@ -326,7 +326,7 @@ bool by_key(const HiddenEdge& a, const HiddenEdge& b) {
 std::vector<HiddenEdge> find_hidden(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
                                     const Field& field, const std::vector<std::uint8_t>& wanted) {
   std::vector<std::vector<HiddenEdge>> found(lattice.brick_count());
-  for_each_index(found.size(), [&](std::size_t b) {
+  for_each_heavy(found.size(), [&](std::size_t b) {
     if ((wanted.empty() || wanted[b]) && signs[b].mixed()) find_hidden(lattice, signs[b], field, b, found[b]);
   });
   std::vector<HiddenEdge> edges;

@@ -94,7 +94,7 @@ private:
       candidates = sampling::subdivide(field_, lattice_, range, max_bricks, &mask_);
     }
     std::vector<std::uint8_t> kept(lattice_.brick_count());
-    for_each_index(kept.size(), [&](std::size_t b) { kept[b] = !touched(lattice_.coordinate[b]); });
+    for_each_heavy(kept.size(), [&](std::size_t b) { kept[b] = !touched(lattice_.coordinate[b]); });
     std::vector<IVec3> all;
     std::vector<Index> source;
     std::size_t next = 0;
@@ -122,7 +122,7 @@ private:
     }
     lattice_.same_as = std::move(source);
     changed_.assign(lattice_.brick_count(), 0);
-    for_each_index(changed_.size(), [&](std::size_t b) {
+    for_each_heavy(changed_.size(), [&](std::size_t b) {
       changed_[b] = lattice_.same_as[b] == kNone || touched(lattice_.coordinate[b]);
     });
     for (const IVec3& brick : lattice_.gone)
@@ -150,7 +150,7 @@ private:
   }
 
   void set_signs(const std::vector<std::uint8_t>& bricks) {
-    for_each_index(bricks.size(), [&](std::size_t b) {
+    for_each_heavy(bricks.size(), [&](std::size_t b) {
       if (bricks[b]) signs_[b] = BrickSigns(&lattice_.value[b * kValues]);
     });
   }

@@ -116,7 +116,7 @@ void check_count(std::size_t bricks, std::size_t most, double spacing) {
 std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::vector<BrickSigns>& signs,
                                       const std::vector<Index>& bricks) {
   std::vector<std::vector<IVec3>> found(bricks.size());
-  for_each_index(bricks.size(), [&](std::size_t k) {
+  for_each_heavy(bricks.size(), [&](std::size_t k) {
     const Index b = bricks[k];
     if (!signs[b].mixed()) return;
     for (int i = 0; i < 27; ++i) {
@@ -135,7 +135,7 @@ std::vector<IVec3> missing_neighbours(const BrickLattice& lattice, const std::ve
 }
 
 void unify_shared_corners(BrickLattice& lattice, const std::vector<Index>& bricks, std::vector<BrickSigns>& signs) {
-  for_each_index(bricks.size(), [&](std::size_t k) {
+  for_each_heavy(bricks.size(), [&](std::size_t k) {
     const std::size_t b = bricks[k];
     float* value = &lattice.value[b * kValues];
     for (int i = 14; i < 27; ++i) {  // later bricks, the last one last

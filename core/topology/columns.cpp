@@ -26,7 +26,7 @@ constexpr int kFraction = 20;  // bits after the point of a rounded coordinate
 constexpr double kCorner = 1 << kFraction;
 constexpr double kFarthest = 1 << 23;           // lattice corners
 constexpr std::int64_t kShortSpan = 1ll << 30;  // products of spans below this fit 64 bits
-constexpr std::size_t kChunk = 2048;            // triangles
+constexpr std::size_t kChunk = 512;             // triangles
 constexpr std::size_t kFewChunk = 256;          // where only some are looked at
 constexpr int kHits = 16;                       // columns looked at at a time
 

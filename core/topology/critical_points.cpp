@@ -121,7 +121,7 @@ void search_in_batches(Backend& backend, std::vector<NewtonSearch>& searches, co
     hessians.resize(6 * points.size());
     backend.evaluate(points, values, gradients);
     backend.evaluate_hessian(points, hessians);
-    for_each_index(running.size(), [&](std::size_t i) {
+    for_each_heavy(running.size(), [&](std::size_t i) {
       const float* h = &hessians[6 * i];
       const DMat3 hessian(h[0], h[3], h[4], h[3], h[1], h[5], h[4], h[5], h[2]);
       searches[running[i]].advance(DVec3(gradients[i]), hessian, options, options.settled);

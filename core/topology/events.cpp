@@ -83,7 +83,7 @@ std::vector<CriticalPoint> points_after(const std::vector<CriticalPath>& paths, 
   std::vector<CriticalPoint> points;
   for (const CriticalPath& path : paths)
     if (path.exists_after()) points.push_back(path.last);
-  for_each_index(points.size(),
+  for_each_heavy(points.size(),
                  [&](std::size_t i) { points[i] = describe_critical_point(field, points[i].position, options); });
   return points;
 }

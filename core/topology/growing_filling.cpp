@@ -37,7 +37,7 @@ std::vector<std::uint8_t> GrowingFilling::bricks_about(const std::vector<Vec3>& 
   const float half_brick = 0.5f * BrickLattice::kCells * float(lattice_.spacing);
   const PointGrid coarse(points, reach + std::sqrt(3.0f) * half_brick);
   std::vector<std::uint8_t> bricks(lattice_.brick_count());
-  for_each_index(bricks.size(), [&](std::size_t b) {
+  for_each_heavy(bricks.size(), [&](std::size_t b) {
     const DVec3 corner = lattice_.point(BrickLattice::kCells * lattice_.coordinate[b]);
     bricks[b] = coarse.any_near(Vec3(corner) + half_brick);
   });

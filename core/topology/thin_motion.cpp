@@ -103,7 +103,7 @@ ThinMotion::ThinMotion(const TriangleMesh& mesh, const CriticalTracking& trackin
   }
   const PointGrid centers(center, float(reach + kSlack * options.edge_length));
   std::vector<Index> part(mesh.vertex_count(), kNone);
-  for_each_index(part.size(), [&](std::size_t v) {
+  for_each_heavy(part.size(), [&](std::size_t v) {
     double least = std::numeric_limits<double>::infinity();
     centers.near(mesh.position(Index(v)), [&](Index i, float) {
       const Passage& passage = parts_[i].before;
@@ -171,7 +171,7 @@ std::optional<DVec3> ThinMotion::settled(const Passage& passage, const DVec3& of
 
 void ThinMotion::apply(TriangleMesh& mesh, const Field& after, double dt) const {
   constexpr double kFarthest = 1.5;  // of e
-  for_each_index(noted_.size(), [&](std::size_t i) {
+  for_each_heavy(noted_.size(), [&](std::size_t i) {
     const Noted& noted = noted_[i];
     const Passage& passage = parts_[noted.part].after;
     const auto offset = settled(passage, noted.offset, after);
