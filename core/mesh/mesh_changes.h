@@ -4,8 +4,9 @@
 
 #include <vector>
 
+#include <tbb/parallel_invoke.h>
+
 #include "core/mesh/triangle_mesh.h"
-#include "core/parallel.h"
 
 namespace isoskin {
 
@@ -16,9 +17,12 @@ struct MeshCopy {
 
   MeshCopy() = default;
   explicit MeshCopy(const TriangleMesh& mesh) {
-    copy_column(mesh.vertex, vertex);
-    copy_column(mesh.vertices.id, id);
-    copy_column(mesh.vertices.position, position);
+    // New columns, which copy_column() would fill twice.
+    tbb::parallel_invoke([&] { vertex = mesh.vertex; },
+                         [&] {
+                           id = mesh.vertices.id;
+                           position = mesh.vertices.position;
+                         });
   }
 };
 

@@ -444,17 +444,18 @@ MeshColumns cross_columns(const TriangleMesh& mesh, const BrickLattice& lattice,
   MeshColumns out;
   const ColumnNumbers numbers = list_columns(lattice, out);
   const bool all = wanted.empty(), none = !all && std::find(wanted.begin(), wanted.end(), 1) == wanted.end();
-  const std::vector<Rounded> vertex = all ? round_vertices(mesh, lattice) : std::vector<Rounded>{};
+  const bool shared = all && mesh.vertex_count() < mesh.vertex.size();
+  const std::vector<Rounded> vertex = shared ? round_vertices(mesh, lattice) : std::vector<Rounded>{};
   const std::vector<Index> some = all || none ? std::vector<Index>{} : triangles_about(mesh, lattice, numbers, wanted);
   const std::size_t triangles = all ? mesh.triangle_count() : some.size();
   const auto corner = [&](Index h) {
     const Index v = mesh.vertex[h];
-    return all ? vertex[v] : round_vertex(lattice, mesh.position(v), v);
+    return shared ? vertex[v] : round_vertex(lattice, mesh.position(v), v);
   };
-  const std::size_t of_chunk = all ? kChunk : kFewChunk;
+  const std::size_t of_chunk = triangles > kFewChunk * kFewChunk ? kChunk : kFewChunk;
   std::vector<Finder> chunks((triangles + of_chunk - 1) / of_chunk, Finder(numbers, wanted));
   tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t k) {
-    if (all) chunks[k].found.reserve(2 * of_chunk);
+    if (of_chunk == kChunk) chunks[k].found.reserve(2 * of_chunk);
     for (std::size_t i = k * of_chunk; i < std::min(triangles, (k + 1) * of_chunk); ++i) {
       const Index t = all ? static_cast<Index>(i) : some[i];
       chunks[k].triangle(corner(3 * t), corner(3 * t + 1), corner(3 * t + 2), t);

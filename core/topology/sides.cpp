@@ -10,6 +10,7 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include "core/field/grid_field.h"
 #include "core/parallel.h"
@@ -260,20 +261,6 @@ std::vector<glm::ivec2> columns_of(const BrickLattice& lattice, const std::vecto
   return column;
 }
 
-/// See column_prints(); goes on from those of the mesh before where that takes less.
-std::vector<std::uint64_t> prints_now(const TriangleMesh& mesh, const BrickLattice& lattice, const SideMemory& before,
-                                      std::optional<MeshChanges> changes, SideMemory& now) {
-  constexpr std::size_t kMostChanged = 2;  // one in so many triangles
-  if (before.print.empty()) return column_prints(mesh, lattice);
-  if (!changes) changes = mesh_changes(*before.mesh, mesh);
-  if (changes->fresh.size() * kMostChanged > mesh.triangle_count()) return column_prints(mesh, lattice);
-  now.changes = std::move(changes);
-  if (before.column != now.column) return column_prints(mesh, lattice);
-  std::vector<std::uint64_t> print = before.print;
-  update_column_prints(*before.mesh, mesh, *now.changes, lattice, print);
-  return print;
-}
-
 /// The column of the lattice before that has the bricks first..end of this one and no others, else kNone.
 Index column_before(const SideMemory& before, const BrickLattice& lattice, Index first, Index end) {
   const Index was = lattice.same_as[first];
@@ -285,18 +272,41 @@ Index column_before(const SideMemory& before, const BrickLattice& lattice, Index
   return same ? static_cast<Index>(at - before.first_brick.begin()) : kNone;
 }
 
-/// Fills `now`, but for what a walk has to find out; one byte a column: whether it has to be walked. Empty: all.
-std::vector<std::uint8_t> columns_to_walk(const TriangleMesh& mesh, const BrickLattice& lattice, double threshold,
-                                          const SideMemory& before, std::optional<MeshChanges> changes,
-                                          SideMemory& now) {
-  if (lattice.same_as.empty()) return {};
+/// What prints go on from; nothing where all anew takes less.
+std::optional<MeshChanges> changes_since(const SideMemory& before, const TriangleMesh& mesh,
+                                         std::optional<MeshChanges> changes) {
+  constexpr std::size_t kMostChanged = 2;  // one in so many triangles
+  if (before.print.empty()) return std::nullopt;
+  if (!changes) changes = mesh_changes(*before.mesh, mesh);
+  return changes->fresh.size() * kMostChanged > mesh.triangle_count() ? std::nullopt : std::move(changes);
+}
+
+/// See column_prints().
+std::vector<std::uint64_t> prints_now(const TriangleMesh& mesh, const BrickLattice& lattice, const SideMemory& before,
+                                      const SideMemory& now) {
+  if (!now.changes || before.column != now.column) return column_prints(mesh, lattice);
+  std::vector<std::uint64_t> print = before.print;
+  update_column_prints(*before.mesh, mesh, *now.changes, lattice, print);
+  return print;
+}
+
+/// Fills `now`, but for what a walk has to find out.
+void note_columns(const TriangleMesh& mesh, const BrickLattice& lattice, const SideMemory& before,
+                  std::optional<MeshChanges> changes, SideMemory& now) {
+  if (lattice.same_as.empty()) return;
   now.first_brick = first_bricks(lattice);
   now.column = columns_of(lattice, now.first_brick);
-  now.print = prints_now(mesh, lattice, before, std::move(changes), now);
+  now.changes = changes_since(before, mesh, std::move(changes));
   const bool same =
       now.changes && now.changes->gone.empty() && now.changes->fresh.empty() && before.mesh->id == mesh.vertices.id;
-  now.mesh = same ? before.mesh : std::make_shared<const MeshCopy>(mesh);
+  tbb::parallel_invoke([&] { now.print = prints_now(mesh, lattice, before, now); },
+                       [&] { now.mesh = same ? before.mesh : std::make_shared<const MeshCopy>(mesh); });
   now.worst.assign(now.print.size(), 0.0);
+}
+
+/// One byte a column: whether it has to be walked. Empty: all.
+std::vector<std::uint8_t> columns_to_walk(const BrickLattice& lattice, double threshold, const SideMemory& before,
+                                          SideMemory& now) {
   if (before.print.empty()) return {};
   std::vector<std::uint8_t> walk(now.print.size(), 1);
   for_each_index(walk.size(), [&](std::size_t c) {
@@ -341,13 +351,16 @@ SideReport check_sides(const TriangleMesh& mesh, const MeshPieces& pieces, const
   SideReport report;
   report.mesh_piece.assign(pieces.count(), 0);
   report.lattice_piece.assign(topology.piece_count(), 0);
-  const FarCorners far(field, lattice, tolerance);
+  std::optional<FarCorners> far;
   SideMemory now;
+  tbb::parallel_invoke([&] { far.emplace(field, lattice, tolerance); },
+                       [&] {
+                         if (memory) note_columns(mesh, lattice, *memory, std::move(changes), now);
+                       });
   const std::vector<std::uint8_t> wanted =
-      memory ? columns_to_walk(mesh, lattice, far.threshold(), *memory, std::move(changes), now)
-             : std::vector<std::uint8_t>{};
+      memory ? columns_to_walk(lattice, far->threshold(), *memory, now) : std::vector<std::uint8_t>{};
   const MeshColumns columns = cross_columns(mesh, lattice, wanted);
-  Walk walk{mesh, pieces, field, lattice, topology, columns, far, report};
+  Walk walk{mesh, pieces, field, lattice, topology, columns, *far, report};
   tbb::parallel_for(std::size_t{0}, columns.column.size(), [&](std::size_t c) {
     if (c < wanted.size() && !wanted[c]) return;
     const double worst = walk_column(walk, c);
