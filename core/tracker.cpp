@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <utility>
 
@@ -139,8 +140,7 @@ FrameReport Tracker::advance(const FieldFrame& frame, const FieldFrame* next) {
   const bool may_have_flaps = started_ && frame.field->resolution() == 0.0;  // grids leave flaps to the repairs
   // What sleeps whole is as it was predicted.
   const bool moves = may_have_flaps && !open.none();
-  if (moves) copy_mesh(mesh_, predicted_);
-  relax(std::move(open), report);
+  relax(std::move(open), report, moves ? &predicted_ : nullptr);
   certify(evidence, report);
   look_closer(frame, evidence, report);
   if (may_have_flaps && !evidence.certificate.passed)
@@ -262,7 +262,8 @@ OpenSet Tracker::move(const FieldFrame& frame, Evidence& evidence, FrameReport& 
   return grown ? awake() : open;
 }
 
-void Tracker::relax(OpenSet open, FrameReport& report) {
+/// `predicted`, if given, becomes the mesh as it was.
+void Tracker::relax(OpenSet open, FrameReport& report, TriangleMesh* predicted) {
   RelaxOptions follow = options_.relax;
   follow.steps = options_.follow_steps;
   follow.cg_iterations = options_.follow_iterations;
@@ -270,9 +271,16 @@ void Tracker::relax(OpenSet open, FrameReport& report) {
   for (int round = 0; round < options_.rounds; ++round) {
     {
       Step step(report, "alter");
-      std::vector<std::uint8_t> left_alone = held_vertices(open);
-      if (round == 0) relaxed.inverted = folded_in(open);
-      for (std::size_t v = 0; v < open.frozen.size(); ++v) left_alone[v] |= open.frozen[v];
+      std::vector<std::uint8_t> left_alone;
+      tbb::parallel_invoke(
+          [&] {
+            if (round == 0 && predicted) copy_mesh(mesh_, *predicted);
+          },
+          [&] {
+            left_alone = held_vertices(open);
+            if (round == 0) relaxed.inverted = folded_in(open);
+          });
+      std::transform(open.frozen.begin(), open.frozen.end(), left_alone.begin(), left_alone.begin(), std::bit_or());
       alter(mesh_, options_.alter, relaxed.inverted, left_alone, &open);
     }
     Step step(report, "relax");

@@ -206,7 +206,7 @@ private:
   bool collides(const Field& field) const;
   bool collide(const FieldFrame& frame, Evidence& evidence, const VertexTable& before, std::vector<Ball>& split,
                FrameReport& report);
-  void relax(OpenSet awake, FrameReport& report);
+  void relax(OpenSet awake, FrameReport& report, TriangleMesh* predicted = nullptr);
   void unfold_skin(const OpenSet& open, Relaxed& relaxed, FrameReport& report);
   Relaxed relax_but(const OpenSet& open, const RelaxOptions& how);
   Relaxed relax_whole(const RelaxOptions& how);

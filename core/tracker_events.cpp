@@ -35,8 +35,7 @@ void Tracker::follow_in_parts(const FieldFrame& frame, Evidence& evidence, Frame
     operate(frame, report, parts);
     if (evidence.field != frame.field) look_at(frame.field, evidence, report);
     OpenSet open = move(frame, evidence, report);
-    copy_mesh(mesh_, predicted_);
-    relax(std::move(open), report);
+    relax(std::move(open), report, &predicted_);
     certify(evidence, report);
     look_closer(frame, evidence, report);
     if (!evidence.certificate.passed) fold_in_flaps(predicted_, frame, evidence, report);
