@@ -97,9 +97,11 @@ void find_cells_and_crossings(const BrickLattice& lattice, const std::vector<Ind
   t.crossings = taken_over(std::move(before.crossings), same_as);
   t.cells = taken_over(std::move(before.cells), same_as);
   t.signs = taken_over(std::move(before.signs), same_as);
+  const bool same_bricks = !lattice.same_as.empty() && lattice.gone.empty() && before.upper.size() == bricks;
+  if (same_bricks) t.upper = before.upper;
   t.upper.resize(bricks);
   for_bricks(bricks, [&](std::size_t b) {
-    for (int i = 0; i < 8; ++i)
+    for (int i = 0; i < 8 && !same_bricks; ++i)
       t.upper[b][i] =
           i == 0 ? static_cast<Index>(b) : lattice.find(lattice.coordinate[b] + IVec3(i >> 2, i >> 1 & 1, i & 1));
     if (same_as[b] != kNone) return;
