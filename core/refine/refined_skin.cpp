@@ -278,14 +278,13 @@ private:
   /// Triangles that go or are of the core.
   void take_out() {
     std::vector<Index> out, slots;
-    for (const Index t : triangle_)
-      if (core(t) && old_triangle(t) != kNone) out.push_back(old_triangle(t));
-    if (!match_.is_identity()) {
-      const std::vector<Index> gone =
-          indices_where(match_.old_triangles(), [&](Index o) { return match_.new_triangle(o) == kNone; });
-      out.insert(out.end(), gone.begin(), gone.end());
-      std::sort(out.begin(), out.end());
-    }
+    if (match_.is_identity())
+      std::copy_if(triangle_.begin(), triangle_.end(), std::back_inserter(out), [&](Index t) { return core(t); });
+    else
+      out = indices_where(match_.old_triangles(), [&](Index o) {
+        const Index t = match_.new_triangle(o);
+        return t == kNone || core(t);
+      });
     for (const Index o : out) slots.push_back(last_.slot_[o]);
     last_.count_shapes(slots, -1);
     for (const Index o : out) {

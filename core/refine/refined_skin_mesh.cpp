@@ -136,12 +136,13 @@ ShapeStatistics RefinedSkin::statistics() const {
   if (counted_.empty()) {
     counted_.assign(child_.size(), {});
     shape_ = ShapeSums(unit_);
-    uncounted_ = slot_;
+    count_shapes(slot_, 1);
+  } else {
+    tbb::parallel_sort(uncounted_.begin(), uncounted_.end());
+    uncounted_.erase(std::unique(uncounted_.begin(), uncounted_.end()), uncounted_.end());
+    std::erase_if(uncounted_, [&](Index slot) { return triangle_[slot] == kNone; });
+    count_shapes(uncounted_, 1);
   }
-  std::sort(uncounted_.begin(), uncounted_.end());
-  uncounted_.erase(std::unique(uncounted_.begin(), uncounted_.end()), uncounted_.end());
-  std::erase_if(uncounted_, [&](Index slot) { return triangle_[slot] == kNone; });
-  count_shapes(uncounted_, 1);
   uncounted_.clear();
   return shape_.statistics();
 }
