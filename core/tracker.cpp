@@ -38,14 +38,16 @@ using Clock = std::chrono::steady_clock;
 /// Of the triangles with wanted(corners).
 template <class Wanted>
 double area_where(const TriangleMesh& mesh, const Wanted& wanted) {
-  double area = 0.0;
-  for (Index h = 0; h < mesh.vertex.size(); h += 3) {
-    const Index* corner = &mesh.vertex[h];
-    if (!wanted(corner)) continue;
+  std::vector<float> area(mesh.triangle_count());
+  for_each_index(area.size(), [&](std::size_t t) {
+    const Index* corner = &mesh.vertex[3 * t];
+    if (!wanted(corner)) return;
     const Vec3& a = mesh.position(corner[0]);
-    area += 0.5 * double(glm::length(glm::cross(mesh.position(corner[1]) - a, mesh.position(corner[2]) - a)));
-  }
-  return area;
+    area[t] = glm::length(glm::cross(mesh.position(corner[1]) - a, mesh.position(corner[2]) - a));
+  });
+  double sum = 0.0;
+  for (const float doubled : area) sum += 0.5 * double(doubled);
+  return sum;
 }
 
 /// How many are in all three; `some` ascending, perhaps repeating.
@@ -467,6 +469,7 @@ void Tracker::update_normals(const std::optional<MeshChanges>& changes) {
 
 void Tracker::certify(Evidence& evidence, FrameReport& report) {
   Step step(report, "certify");
+  evidence.sites.reset();
   const MeshCopy* const before = before_.sides.mesh.get();
   std::optional<MeshChanges> changes;
   if (before) changes = mesh_changes(*before, mesh_);
@@ -492,7 +495,7 @@ CertifyOptions Tracker::certify_options() const {
 }
 
 /// Whether it changed the mesh.
-bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
+bool Tracker::reskin(const FieldFrame& frame, Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
                      FrameReport& report) {
   Step step(report, "reskin");
   const auto begin = Clock::now();
@@ -527,8 +530,8 @@ bool Tracker::reskin(const FieldFrame& frame, const Evidence& evidence, const Re
   return true;
 }
 
-BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const {
-  const std::vector<std::uint8_t> failed = failed_vertices(evidence.pieces, evidence.certificate);
+/// Those that all tries but some ask for are found once, as long as the mesh stays as it is.
+BadSites Tracker::sites_of(const FieldFrame& frame, Evidence& evidence, const ReskinTry& how) const {
   BadSites sites;
   if (how.astray) {
     std::vector<std::uint8_t> awake(mesh_.vertex_count(), 1);
@@ -538,12 +541,19 @@ BadSites Tracker::sites_of(const FieldFrame& frame, const Evidence& evidence, co
     return sites;
   }
   if (how.tiles) {
-    add_tiles(mesh_, failed, *how.tiles, options_.edge_length, sites);
+    add_tiles(mesh_, failed_vertices(evidence.pieces, evidence.certificate), *how.tiles, options_.edge_length, sites);
     return sites;
   }
+  if (!evidence.sites) evidence.sites = all_sites(frame, evidence);
+  return *evidence.sites;
+}
+
+BadSites Tracker::all_sites(const FieldFrame& frame, const Evidence& evidence) const {
+  const std::vector<std::uint8_t> failed = failed_vertices(evidence.pieces, evidence.certificate);
   BadSiteOptions bad_options = options_.sites;
   bad_options.tolerance = options_.tolerance;
-  sites = find_bad_sites(mesh_, *frame.field, evidence.lattice, evidence.topology.signs, *backend_, bad_options);
+  BadSites sites =
+      find_bad_sites(mesh_, *frame.field, evidence.lattice, evidence.topology.signs, *backend_, bad_options);
   add_small_pieces(mesh_, evidence.pieces, evidence.certificate, options_.small_piece, sites);
   add_necks(mesh_, failed, sites);
   add_bridges(mesh_, evidence.pieces, evidence.certificate, evidence.lattice, evidence.topology, sites);

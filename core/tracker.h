@@ -172,6 +172,7 @@ private:
     MeshPieces pieces;
     Certificate certificate;
     SideMemory sides;
+    std::optional<BadSites> sites;  // of the mesh that was certified, once they are asked for
   };
 
   /// What a relaxation left undone: one byte a triangle, one a vertex.
@@ -222,9 +223,10 @@ private:
   void certify(Evidence& evidence, FrameReport& report);
   CertifyOptions certify_options() const;
   void repair(const FieldFrame& frame, Evidence& evidence, GrowingFilling& filling, FrameReport& report);
-  bool reskin(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
+  bool reskin(const FieldFrame& frame, Evidence& evidence, const ReskinTry& how, GrowingFilling& filling,
               FrameReport& report);
-  BadSites sites_of(const FieldFrame& frame, const Evidence& evidence, const ReskinTry& how) const;
+  BadSites sites_of(const FieldFrame& frame, Evidence& evidence, const ReskinTry& how) const;
+  BadSites all_sites(const FieldFrame& frame, const Evidence& evidence) const;
   double share_renewed(Index first_new) const;
   void settle_new_skin(Index first_new);
   void reextract(const FieldFrame& frame, const Evidence& evidence, float coarsening, FrameReport& report);

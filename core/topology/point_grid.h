@@ -10,6 +10,7 @@
 
 #include <tbb/parallel_sort.h>
 
+#include "core/mesh/independent_edits.h"
 #include "core/parallel.h"
 #include "core/types.h"
 
@@ -22,6 +23,10 @@ public:
   PointGrid(const std::vector<Vec3>& points, float radius) : points_(points), radius_(radius), entry_(points.size()) {
     for_each_index(entry_.size(), [&](std::size_t i) { entry_[i] = {key(cell(points[i])), Index(i)}; });
     tbb::parallel_sort(entry_);
+    const std::vector<Index> first = indices_where(
+        entry_.size(), [&](Index i) { return i == 0 || column_of(entry_[i].first) != column_of(entry_[i - 1].first); });
+    for (const Index i : first) column_.push_back({column_of(entry_[i].first), i});
+    column_.push_back({kEnd, Index(entry_.size())});
     near_.assign(std::bit_ceil(std::max<std::size_t>(1, points.size())), 0);
     for_each_index(points.size(), [&](std::size_t i) { mark_about(points[i]); });
   }
@@ -45,14 +50,17 @@ private:
   bool visit(const Vec3& p, const Visitor& visitor) const {
     if (!may_be_near(p)) return false;
     const IVec3 c = cell(p);
-    for (int n = 0; n < 9; ++n) {
-      const IVec3 low = c + IVec3(n / 3 - 1, n % 3 - 1, -1);
-      const std::uint64_t last = key(low + IVec3(0, 0, 2));
-      auto it = std::lower_bound(entry_.begin(), entry_.end(), std::pair{key(low), Index(0)});
-      for (; it != entry_.end() && it->first <= last; ++it) {
-        const Vec3 d = points_[it->second] - p;
-        if (const float square = glm::dot(d, d); square <= radius_ * radius_ && visitor(it->second, square))
-          return true;
+    for (int x = c.x - 1; x <= c.x + 1; ++x) {
+      const std::uint64_t first = column_of(key({x, c.y - 1, 0})), last = first + 2;
+      auto column = std::lower_bound(column_.begin(), column_.end(), std::pair{first, Index(0)});
+      for (; column->first <= last; ++column) {
+        const auto begin = entry_.begin() + column->second, end = entry_.begin() + column[1].second;
+        const std::uint64_t low = begin->first - (begin->first & kZ) + (key({0, 0, c.z - 1}) & kZ), high = low + 2;
+        for (auto it = std::lower_bound(begin, end, std::pair{low, Index(0)}); it != end && it->first <= high; ++it) {
+          const Vec3 d = points_[it->second] - p;
+          if (const float square = glm::dot(d, d); square <= radius_ * radius_ && visitor(it->second, square))
+            return true;
+        }
       }
     }
     return false;
@@ -88,10 +96,15 @@ private:
     return (std::uint64_t(c.x + kOffset) << 42) | (std::uint64_t(c.y + kOffset) << 21) | std::uint64_t(c.z + kOffset);
   }
 
+  static constexpr std::uint64_t kZ = (1u << 21) - 1;  // of a key
+  static constexpr auto kEnd = ~std::uint64_t(0);
+  static std::uint64_t column_of(std::uint64_t key) { return key >> 21; }
+
   const std::vector<Vec3>& points_;
   float radius_;
   std::vector<std::pair<std::uint64_t, Index>> entry_;
-  std::vector<std::uint64_t> near_;  // a power of two of words
+  std::vector<std::pair<std::uint64_t, Index>> column_;  // along z, each with its first entry; then the end
+  std::vector<std::uint64_t> near_;                      // a power of two of words
 };
 
 /// The same of points that are added in lots, which are numbered one after the other. The order of visits is that of

@@ -327,9 +327,11 @@ std::optional<Weld> fill(const Scene& scene, Cut& cut, const Filling& filling, c
   auto& [holes, snapped, patches] = cut;
   Groups groups(holes, patches, scene.options.alike_only);
   const std::vector<std::uint8_t> surely_hot = vertices_near(scene.mesh, scene.failed, near_sure);
-  for (Index t = 0; t < holes.of_triangle.size(); ++t)
-    for (Index h = 3 * t; h < 3 * t + 3 && holes.of_triangle[t] != kNone; ++h)
-      if (surely_hot[scene.mesh.vertex[h]]) groups.make_sure(holes.of_triangle[t]);
+  const std::vector<Index> sure = indices_where(holes.of_triangle.size(), [&](Index t) {
+    const Index* const corner = &scene.mesh.vertex[3 * std::size_t{t}];
+    return holes.of_triangle[t] != kNone && (surely_hot[corner[0]] || surely_hot[corner[1]] || surely_hot[corner[2]]);
+  });
+  for (const Index t : sure) groups.make_sure(holes.of_triangle[t]);
 
   std::vector<std::uint8_t> inside(filling.triangle_count());
   for_each_index(inside.size(), [&](std::size_t t) { inside[t] = patches.of_triangle[t] != kNone; });

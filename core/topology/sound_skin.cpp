@@ -69,6 +69,7 @@ bool covers(const Triangle& p, const Vec3& n, const Vec3& point, float far) {
 
 std::vector<std::uint8_t> sound_triangles(const TriangleMesh& mesh, const std::vector<std::uint8_t>& wanted,
                                           Backend& backend, const SoundOptions& options) {
+  constexpr float kSlack = 1.001f;  // wider than rounding
   const std::vector<Index> asked = indices_where(mesh.triangle_count(), [&](Index t) {
     return wanted[mesh.vertex[3 * t]] || wanted[mesh.vertex[3 * t + 1]] || wanted[mesh.vertex[3 * t + 2]];
   });
@@ -77,10 +78,13 @@ std::vector<std::uint8_t> sound_triangles(const TriangleMesh& mesh, const std::v
   for (std::size_t i = 0; i < asked.size(); ++i)
     if (on[i]) good.push_back(asked[i]);
   std::vector<Vec3> middle(good.size()), facing(good.size());
+  std::vector<float> radius(good.size()), reach(good.size());  // about the middle: of itself, of all that it may cover
   for_each_index(good.size(), [&](std::size_t i) {
     const Triangle p = corners_of(mesh, good[i]);
     middle[i] = centroid(p);
     facing[i] = normal(p);
+    for (const Vec3& corner : p) radius[i] = std::max(radius[i], kSlack * glm::distance(corner, middle[i]));
+    reach[i] = kSlack * std::hypot(radius[i], options.layers);
   });
   const PointGrid near(middle, options.longest);
   std::vector<std::uint8_t> sound(mesh.triangle_count());
@@ -88,8 +92,11 @@ std::vector<std::uint8_t> sound_triangles(const TriangleMesh& mesh, const std::v
     constexpr float kAgree = 0.3f;  // cosine between normals of layers of one surface
     const Triangle own = corners_of(mesh, good[i]);
     bool alone = true;
-    near.near(middle[i], [&](Index j, float) {
-      if (!alone || j == i || glm::dot(facing[i], facing[j]) < kAgree || share_a_vertex(mesh, good[i], good[j])) return;
+    near.near(middle[i], [&](Index j, float square) {
+      const float far = std::max(radius[i] + reach[j], radius[j] + reach[i]);
+      if (!alone || j == i || square > far * far || glm::dot(facing[i], facing[j]) < kAgree ||
+          share_a_vertex(mesh, good[i], good[j]))
+        return;
       const Triangle other = corners_of(mesh, good[j]);
       alone =
           !covers(other, facing[j], middle[i], options.layers) && !covers(own, facing[i], middle[j], options.layers);

@@ -34,14 +34,13 @@ public:
         on_seam_[kept_[mesh.from(h)]] = 1;
       }
     copy_kept(removed);
-    for (Index t = 0; t < removed.size(); ++t)
-      if (!removed[t] && copy_of_[t] == kNone) add_kept(t);
+    for (const Index t : indices_where(removed.size(), [&](Index t) { return !removed[t] && copy_of_[t] == kNone; }))
+      add_kept(t);
     for (const Seam& seam : seams)
       for (const auto& path : seam.path)
         if (path.size() == 2) on_border_.emplace_back(std::minmax(path[0], path[1]));
     std::sort(on_border_.begin(), on_border_.end());
-    for (Index t = 0; t < inside.size(); ++t)
-      if (inside[t]) add_filling(t);
+    for (const Index t : indices_where(inside.size(), [&](Index t) { return inside[t] != 0; })) add_filling(t);
   }
 
   std::optional<Weld> result() {
@@ -53,8 +52,10 @@ public:
 private:
   void number_kept(const std::vector<std::uint8_t>& removed) {
     std::vector<std::uint8_t> used(mesh_.vertex_count(), 0);
-    for (Index h = 0; h < mesh_.vertex.size(); ++h)
-      if (!removed[h / 3]) used[mesh_.vertex[h]] = 1;
+    for_each_index(removed.size(), [&](std::size_t t) {
+      for (std::size_t h = 3 * t; h < 3 * t + 3 && !removed[t]; ++h)
+        std::atomic_ref(used[mesh_.vertex[h]]).store(1, std::memory_order_relaxed);
+    });
     const std::vector<Index> rows = indices_where(used.size(), [&](Index v) { return used[v]; });
     kept_.assign(mesh_.vertex_count(), kNone);
     for_each_index(rows.size(), [&](std::size_t i) { kept_[rows[i]] = Index(i); });
