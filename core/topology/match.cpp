@@ -249,8 +249,9 @@ std::vector<Index> vertices_between_pieces(const TriangleMesh& mesh, const std::
     for (std::size_t v = k * kChunk; v < std::min(vote.size(), (k + 1) * kChunk); ++v)
       if (merged[v]) vote[v] = cells.vote(mesh.vertices.position[v]);
   });
-  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
   std::vector<Index> queue = indices_where(vote.size(), [&](Index v) { return vote[v] != kNone; });
+  if (queue.empty()) return {};
+  const std::vector<Index> outgoing = outgoing_halfedges(mesh);
   for (std::size_t i = 0; i < queue.size(); ++i)
     for_each_leaving(mesh, outgoing[queue[i]], [&](Index h) {
       if (vote[mesh.to(h)] != kNone) return;

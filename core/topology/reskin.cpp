@@ -66,10 +66,9 @@ std::vector<std::uint8_t> vertices_of_failed(const MeshPieces& pieces, const Cer
   return failed;
 }
 
-/// Skin that is folded makes borders that no seam fits: what is hot reaches on to the fold's end.
-void reach_over_folds(const Scene& scene, std::vector<std::uint8_t>& hot) {
+/// Skin that is folded makes borders that no seam fits: what is hot reaches on from the front to the fold's end.
+void reach_over_folds(const Scene& scene, std::vector<Index> front, std::vector<std::uint8_t>& hot) {
   const TriangleMesh& mesh = scene.mesh;
-  std::vector<Index> front = indices_where(hot.size(), [&](Index v) { return hot[v] != 0; });
   while (!front.empty()) {
     const Index start = scene.outgoing[front.back()];
     front.pop_back();
@@ -211,7 +210,7 @@ public:
     }
     hot_ = vertices_near(scene.mesh, scene.failed, PointGrid(sure, radius_));
     heat(bad_);
-    reach_over_folds(*scene_, hot_);
+    reach_over_folds(*scene_, all_hot(), hot_);
     spare_sound();
   }
 
@@ -226,8 +225,10 @@ public:
     spare_no_more(vertices);
     std::vector<Vec3> odd;
     take_near(places, float(scene_->options.spread * scene_->options.edge_length), left_alone_, odd);
-    heat(odd);
-    reach_over_folds(*scene_, hot_);
+    std::vector<Index> front = odd.empty() ? std::vector<Index>{} : heat(odd);
+    front.insert(front.end(), vertices.begin(), vertices.end());
+    reach_over_folds(*scene_, over_folds_ ? std::move(front) : all_hot(), hot_);
+    over_folds_ = true;
     bad_.insert(bad_.end(), places.begin(), places.end());
     bad_.insert(bad_.end(), odd.begin(), odd.end());
   }
@@ -235,6 +236,7 @@ public:
   /// Nothing but these vertices, and the bad points about them.
   void keep_only(std::vector<std::uint8_t> hot) {
     hot_ = std::move(hot);
+    over_folds_ = false;
     std::vector<Vec3> places, kept;
     for (Index v = 0; v < hot_.size(); ++v)
       if (hot_[v]) places.push_back(scene_->mesh.position(v));
@@ -249,12 +251,14 @@ public:
   /// Bad points and hot vertices.
   std::vector<Vec3> points() const {
     std::vector<Vec3> points = bad_;
-    for (const Index v : indices_where(hot_.size(), [&](Index v) { return hot_[v] != 0; }))
-      points.push_back(scene_->mesh.position(v));
+    for (const Index v : all_hot()) points.push_back(scene_->mesh.position(v));
     return points;
   }
 
 private:
+  std::vector<Index> all_hot() const {
+    return indices_where(hot_.size(), [&](Index v) { return hot_[v] != 0; });
+  }
   void spare_sound() {
     const ReskinOptions& options = scene_->options;
     if (!options.spare_sound) return;
@@ -273,15 +277,20 @@ private:
       if (about[corner[0]] || about[corner[1]] || about[corner[2]]) spared_[t] = 0;
     });
   }
-  void heat(const std::vector<Vec3>& points) {
-    const std::vector<std::uint8_t> more = vertices_near(scene_->mesh, scene_->differs, PointGrid(points, radius_));
-    for (std::size_t v = 0; v < hot_.size(); ++v) hot_[v] |= more[v];
+  /// Returns the vertices about the points.
+  std::vector<Index> heat(const std::vector<Vec3>& points) {
+    const PointGrid about(points, radius_);
+    const std::vector<Index> heated = indices_where(
+        hot_.size(), [&](Index v) { return scene_->differs[v] && about.any_near(scene_->mesh.position(v)); });
+    for (const Index v : heated) hot_[v] = 1;
+    return heated;
   }
 
   const Scene* scene_;
   float radius_;
   std::vector<Vec3> bad_, left_alone_;
   std::vector<std::uint8_t> hot_, spared_;
+  bool over_folds_ = true;  // what is hot reaches over the folds about it
 };
 
 /// Patches are found once all seams are laid, or when it is the `last` try.
