@@ -53,5 +53,21 @@ TEST(Unfold, a_skin_without_overlaps_stays_as_it_is) {
   EXPECT_EQ(it.sphere.vertices.position, before);
 }
 
+TEST(Tangles, what_hides_a_place_is_taken_back) {
+  Folded it;
+  const std::vector<Vec3> before = it.skin.vertices.position;
+  const std::vector<Crossing> overlap{{0, 0, it.skin.twin[0] / 3, 0}};
+  const Vec3 there = it.skin.position(it.skin.from(0));
+  constexpr double kReach = 0.05;
+  for (const auto& [place, hides] : {std::pair(there, true), std::pair(-there, false)}) {
+    Tangles tangles(it.skin);
+    ASSERT_TRUE(tangles.smooth(it.skin, overlap, *it.backend, it.project));
+    ASSERT_NE(it.skin.vertices.position, before);
+    EXPECT_EQ(tangles.take_back(it.skin, {}, {place}, kReach).size(), hides ? 1u : 0u);
+    EXPECT_EQ(tangles.took_back(), hides);
+    EXPECT_EQ(it.skin.vertices.position == before, hides);
+  }
+}
+
 }  // namespace
 }  // namespace isoskin

@@ -109,16 +109,14 @@ public:
     if (crossings.empty()) return;
     copy_skin();
     const FieldChanges none;
-    const std::vector<Vec3> wrong = kept_.wrong_.farther_than(tolerance_);
+    const std::vector<Vec3> wrong = kept_.wrong_.farther_than(options_.smoothed_away * tolerance_);
     Tangles tangles(*skin_);
     for (int round = 0; round < options_.untanglings; ++round) {
       if (!tangles.smooth(*skin_, crossings, backend_, options_.project)) break;
-      refine_only(&none);
-      crossings = tangles.take_back(*skin_, find_crossings());
+      refine(&none);
+      crossings = tangles.take_back(*skin_, find_crossings(), newly_wrong(wrong), lattice_.spacing);
     }
-    if (tangles.took_back()) refine_only(&none);
-    look_at_sides(&none);
-    if (tangles.take_back_about(*skin_, newly_wrong(wrong), options_.edge_length)) refine(&none);
+    if (tangles.took_back()) refine(&none);
   }
 
   const std::vector<Crossing>& find_crossings() { return kept_.refined_.crossings(skin()); }
@@ -163,9 +161,9 @@ private:
     return hidden;
   }
 
-  /// Places on the wrong side that were not `before`.
+  /// Places that smoothing has put on the wrong side, where they were not `before`.
   std::vector<Vec3> newly_wrong(const std::vector<Vec3>& before) const {
-    std::vector<Vec3> now = kept_.wrong_.farther_than(tolerance_);
+    std::vector<Vec3> now = kept_.wrong_.farther_than(options_.smoothed_away * tolerance_);
     std::erase_if(now, [&](const Vec3& p) { return std::find(before.begin(), before.end(), p) != before.end(); });
     return now;
   }

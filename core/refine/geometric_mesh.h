@@ -25,7 +25,8 @@ struct GeometricOptions {
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
   // Times this is done, each after the first only where the one before left places out; 0: never.
   int fillings = 3;
-  int untanglings = 8;  // times folds are smoothed, at most
+  int untanglings = 8;         // times folds are smoothed, at most
+  double smoothed_away = 0.4;  // that puts no lattice corner farther than this onto the wrong side, tolerances
 };
 
 struct GeometricReport {

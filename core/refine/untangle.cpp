@@ -188,7 +188,8 @@ Index Tangles::row(const TriangleMesh& skin, Index triangle) const {
   return kNone;
 }
 
-std::vector<Crossing> Tangles::take_back(TriangleMesh& skin, const std::vector<Crossing>& now) {
+std::vector<Crossing> Tangles::take_back(TriangleMesh& skin, const std::vector<Crossing>& now,
+                                         const std::vector<Vec3>& hidden, double reach) {
   const auto of_part = [&](Index t) {
     const Index i = row(skin, t);
     return i == kNone ? kNone : part_[i];
@@ -201,6 +202,10 @@ std::vector<Crossing> Tangles::take_back(TriangleMesh& skin, const std::vector<C
   };
   count(crossing_, 1);
   count(now, -1);
+  const PointGrid near(hidden, float(reach));
+  for (Index i = 0; i < vertex_.size() && !hidden.empty(); ++i)
+    if (near.any_near(before_[i]) || near.any_near(skin.position(vertex_[i])))
+      fewer[part_[i]] = std::min(fewer[part_[i]], 0);
   const auto goes_back = [&](Index part) { return part != kNone && fewer[part] <= 0; };
   std::vector<Crossing> left, in_vain;
   for (const Crossing& crossing : now)
@@ -215,40 +220,13 @@ std::vector<Crossing> Tangles::take_back(TriangleMesh& skin, const std::vector<C
   for (const Crossing& crossing : in_vain) tried.push_back(std::uint8_t(times_tried(crossing) + 1));
   for (std::size_t i = 0; i < in_vain.size(); ++i)
     for (const Index t : {in_vain[i].a, in_vain[i].b}) tried_[t] = std::max(tried_[t], tried[i]);
-  std::vector<Moved> moved, all;
+  took_back_ = false;
   for (Index i = 0; i < vertex_.size(); ++i) {
-    if (goes_back(part_[i]))
-      skin.vertices.position[vertex_[i]] = before_[i];
-    else
-      moved.push_back({vertex_[i], before_[i]});
+    if (!goes_back(part_[i])) continue;
+    skin.vertices.position[vertex_[i]] = before_[i];
+    took_back_ = true;
   }
-  took_back_ = moved.size() < vertex_.size();
-  // Of those that have moved before, what comes first is where they were at first.
-  std::merge(moved_.begin(), moved_.end(), moved.begin(), moved.end(), std::back_inserter(all),
-             [](const Moved& p, const Moved& q) { return p.vertex < q.vertex; });
-  all.erase(std::unique(all.begin(), all.end(), [](const Moved& p, const Moved& q) { return p.vertex == q.vertex; }),
-            all.end());
-  moved_ = std::move(all);
   return left;
-}
-
-bool Tangles::take_back_about(TriangleMesh& skin, const std::vector<Vec3>& places, double reach) {
-  const PointGrid near(places, float(reach));
-  std::vector<Index> at(skin.vertex_count(), kNone);
-  for (Index i = 0; i < moved_.size(); ++i) at[moved_[i].vertex] = i;
-  DisjointSets sets(moved_.size());
-  for (Index h = 0; h < skin.vertex.size(); ++h)
-    if (at[skin.from(h)] != kNone && at[skin.to(h)] != kNone) sets.unite(at[skin.from(h)], at[skin.to(h)]);
-  std::vector<std::uint8_t> goes_back(moved_.size(), 0);
-  for (Index i = 0; i < moved_.size(); ++i)
-    if (near.any_near(moved_[i].home) || near.any_near(skin.position(moved_[i].vertex))) goes_back[sets.root(i)] = 1;
-  bool any = false;
-  for (Index i = 0; i < moved_.size(); ++i) {
-    if (!goes_back[sets.root(i)]) continue;
-    skin.vertices.position[moved_[i].vertex] = moved_[i].home;
-    any = true;
-  }
-  return any;
 }
 
 void mend_seams(TriangleMesh& skin, Index first_new, double fineness, Backend& backend, const ProjectOptions& project) {

@@ -36,22 +36,15 @@ public:
               const ProjectOptions& project);
 
   /// After smooth(), whose crossings have become `now`: moves the vertices back of parts that have no fewer than
-  /// before. Returns what the skin's crossings are then, ascending, those between parts aside.
-  std::vector<Crossing> take_back(TriangleMesh& skin, const std::vector<Crossing>& now);
+  /// before, or that were or are within `reach` (world units) of a place that they have `hidden`. Returns what the
+  /// skin's crossings are then, ascending, those between parts aside.
+  std::vector<Crossing> take_back(TriangleMesh& skin, const std::vector<Crossing>& now,
+                                  const std::vector<Vec3>& hidden = {}, double reach = 0.0);
 
   /// Whether the last take_back() moved any.
   bool took_back() const { return took_back_; }
 
-  /// Moves all vertices back that smooth() has moved and that hang together with one within `reach` (world units) of a
-  /// place. Whether there were any.
-  bool take_back_about(TriangleMesh& skin, const std::vector<Vec3>& places, double reach);
-
 private:
-  struct Moved {
-    Index vertex;
-    Vec3 home;
-  };
-
   void gather(const TriangleMesh& skin);
   DisjointSets joined_by_edges() const;
   std::vector<Index> held(DisjointSets& sets) const;
@@ -69,7 +62,6 @@ private:
   std::vector<std::vector<Index>> ring_;  // per row: the vertex's neighbours
   std::vector<Index> part_;               // per row: the first row of the part it belongs to
   std::vector<Vec3> before_;              // per row: where it was
-  std::vector<Moved> moved_;              // all that have been, by vertex
   bool took_back_ = false;
 };
 
