@@ -101,9 +101,15 @@ class RimWalk {
 public:
   RimWalk(const TriangleMesh& mesh, const std::vector<Vec3>& normals, const FlowOptions& options, Landing& landing,
           std::vector<Vec3>& displacement)
-      : mesh_(mesh), normals_(normals), options_(options), landing_(landing), displacement_(displacement) {}
+      : mesh_(mesh),
+        normals_(normals),
+        options_(options),
+        landing_(landing),
+        displacement_(displacement),
+        arrived_(normals.size()) {}
 
-  void follow(const Field& field, Backend& backend) {
+  /// Which vertices have come to a rim.
+  std::vector<std::uint8_t> follow(const Field& field, Backend& backend) {
     std::vector<Walker> walkers(displacement_.size());
     for_each_index(walkers.size(), [&](std::size_t v) {
       walkers[v] = {Index(v), mesh_.position(Index(v)) + displacement_[v], normals_[v]};
@@ -125,6 +131,7 @@ public:
       for (int i = steps; i < options_.rim_steps && goes_on(walkers[w]); ++i) {
       }
     });
+    return std::move(arrived_);
   }
 
 private:
@@ -161,6 +168,7 @@ private:
       displacement_[v] = walker.at - mesh_.position(v);
       landing_.value[v] = value;
       landing_.gradient[v] = gradient;
+      arrived_[v] = 1;
     }
     return value > 0.0f && walk_on(walker, value, outward);
   }
@@ -179,6 +187,7 @@ private:
   const FlowOptions& options_;
   Landing& landing_;
   std::vector<Vec3>& displacement_;
+  std::vector<std::uint8_t> arrived_;  // one a vertex
 };
 
 /// Where displaced vertices are near the surface: to land on it, along its normals there.
@@ -193,11 +202,13 @@ void aim(const Landing& landing, const std::vector<Vec3>& displacement, float ma
 }
 
 /// What faces elsewhere than the vertices aimed at it is another sheet or the other side of their own: not theirs to
-/// land on. They have nothing then, a direction of zero.
-void turn_from_others(const std::vector<Vec3>& normals, NormalParts& known) {
+/// land on. They have nothing then, a direction of zero. Those that followed a rim to where it is have what they looked
+/// for.
+void turn_from_others(const std::vector<Vec3>& normals, const std::vector<std::uint8_t>& at_rim, NormalParts& known) {
   constexpr float kAgree = 0.3f;  // cosine between normals
   for_each_index(normals.size(), [&](std::size_t v) {
-    if (glm::dot(known.direction[v], normals[v]) < kAgree) known.direction[v] = Vec3(known.length[v] = 0.0f);
+    if (!at_rim[v] && glm::dot(known.direction[v], normals[v]) < kAgree)
+      known.direction[v] = Vec3(known.length[v] = 0.0f);
   });
 }
 
@@ -262,10 +273,12 @@ std::vector<Vec3> surface_flow(const TriangleMesh& mesh, double dt, const Field&
   const std::vector<Vec3> normals = known.direction;
   for (int i = 0; i < options.aims; ++i) {
     Landing landing = landing_of(mesh, displacement, backend);
-    if (options.half_sheet > 0.0f) RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
+    std::vector<std::uint8_t> at_rim(displacement.size());
+    if (options.half_sheet > 0.0f)
+      at_rim = RimWalk(mesh, normals, options, landing, displacement).follow(field, backend);
     aim(landing, displacement, max_step, known);
     if (options.facing) {
-      turn_from_others(normals, known);
+      turn_from_others(normals, at_rim, known);
       look_along_normals(mesh, normals, displacement, landing, max_step, backend, known);
     }
     sweep(corners, neighbour, known, options.sweeps, displacement);
