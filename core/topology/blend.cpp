@@ -56,20 +56,22 @@ void equalise(std::vector<Group>& line, std::size_t count) {
   }
 }
 
-/// The r for which joining a[i] to b[r - i] costs least: the borders run opposite ways round.
-std::size_t best_rotation(const std::vector<Group>& a, const std::vector<Group>& b) {
+/// Every r, from the one for which joining a[i] to b[r - i] costs least on: the borders run opposite ways round.
+std::vector<std::size_t> rotations(const std::vector<Group>& a, const std::vector<Group>& b) {
   const std::size_t n = a.size();
-  std::size_t best = 0;
-  double least = std::numeric_limits<double>::infinity();
+  std::vector<std::pair<double, std::size_t>> sums;
   for (std::size_t r = 0; r < n; ++r) {
     double sum = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
       const DVec3 d = a[i].mean - b[(r + n - i) % n].mean;
       sum += glm::dot(d, d);
     }
-    if (sum < least) least = sum, best = r;
+    sums.emplace_back(sum, r);
   }
-  return best;
+  std::sort(sums.begin(), sums.end());
+  std::vector<std::size_t> order;
+  for (const auto& [sum, r] : sums) order.push_back(r);
+  return order;
 }
 
 /// The triangles about the vertices of a border that are not in `erased`.
@@ -79,6 +81,27 @@ void add_outer_fans(const TriangleMesh& mesh, const std::vector<Index>& border, 
     for_each_leaving(mesh, start, [&](Index h) {
       if (!erased.count(TriangleMesh::triangle(h))) fans.insert(TriangleMesh::triangle(h));
     });
+}
+
+/// Vertex i of one border becomes one with vertex r - i of the other, and the `fans` outside follow.
+void weld(const TriangleMesh& mesh, const std::vector<Group>& a, const std::vector<Group>& b, std::size_t r,
+          const std::set<Index>& fans, MeshPatch& patch) {
+  std::unordered_map<Index, Index> welded;  // border vertices and what they become
+  const std::size_t n = a.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Group &here = a[i], &there = b[(r + n - i) % n];
+    const Index kept = here.members.front();
+    for (const Index v : here.members) welded[v] = kept;
+    for (const Index v : there.members) welded[v] = kept;
+    patch.move_vertex(kept, 0.5 * (here.mean + there.mean), with_equal_weight(here, there));
+  }
+  const auto after = [&](Index v) {
+    const auto it = welded.find(v);
+    return it == welded.end() ? v : it->second;
+  };
+  patch.remove({fans.begin(), fans.end()});
+  for (const Index t : fans)
+    patch.add_triangle(after(mesh.vertex[3 * t]), after(mesh.vertex[3 * t + 1]), after(mesh.vertex[3 * t + 2]));
 }
 
 /// The one border of a disc; empty for anything else.
@@ -144,6 +167,7 @@ std::vector<Index> with_neighbours(const TriangleMesh& mesh, const std::vector<I
 }
 
 PlannedPatch plan_blend(const TriangleMesh& mesh, const std::vector<Index>& a, const std::vector<Index>& b) {
+  constexpr std::size_t kRotations = 3;  // tried: more would twist the fans
   if (share_a_vertex(mesh, a, b)) return {std::nullopt, "the two sheets touch"};
   const std::vector<Index> border_a = border_of_disc(mesh, a), border_b = border_of_disc(mesh, b);
   if (border_a.size() < 3 || border_b.size() < 3) return {std::nullopt, "what is to be erased is not a disc"};
@@ -151,33 +175,23 @@ PlannedPatch plan_blend(const TriangleMesh& mesh, const std::vector<Index>& a, c
   equalise(line_a, line_b.size());
   equalise(line_b, line_a.size());
 
-  MeshPatch patch(mesh);
-  std::unordered_map<Index, Index> welded;  // border vertices and what they become
-  const std::size_t n = line_a.size(), r = best_rotation(line_a, line_b);
-  for (std::size_t i = 0; i < n; ++i) {
-    const Group &here = line_a[i], &there = line_b[(r + n - i) % n];
-    const Index kept = here.members.front();
-    for (const Index v : here.members) welded[v] = kept;
-    for (const Index v : there.members) welded[v] = kept;
-    patch.move_vertex(kept, 0.5 * (here.mean + there.mean), with_equal_weight(here, there));
-  }
   std::unordered_set<Index> erased(a.begin(), a.end());
   erased.insert(b.begin(), b.end());
   std::set<Index> fans;
   add_outer_fans(mesh, border_a, erased, fans);
   add_outer_fans(mesh, border_b, erased, fans);
-  patch.remove(a);
-  patch.remove(b);
-  patch.remove({fans.begin(), fans.end()});
-  const auto after = [&](Index v) {
-    const auto it = welded.find(v);
-    return it == welded.end() ? v : it->second;
-  };
-  for (const Index t : fans)
-    patch.add_triangle(after(mesh.vertex[3 * t]), after(mesh.vertex[3 * t + 1]), after(mesh.vertex[3 * t + 2]));
-  if (!patch.fits(mesh)) return {std::nullopt, "the borders cannot be welded without a doubled edge"};
-  if (patch.euler_change(mesh) != -2) return {std::nullopt, "welding would close more than the two discs"};
-  return {std::move(patch), {}};
+  std::vector<std::size_t> order = rotations(line_a, line_b);
+  order.resize(std::min(order.size(), kRotations));
+  for (const std::size_t r : order) {
+    MeshPatch patch(mesh);
+    patch.remove(a);
+    patch.remove(b);
+    weld(mesh, line_a, line_b, r, fans, patch);
+    if (!patch.fits(mesh)) continue;
+    if (patch.euler_change(mesh) != -2) return {std::nullopt, "welding would close more than the two discs"};
+    return {std::move(patch), {}};
+  }
+  return {std::nullopt, "the borders cannot be welded without a doubled edge"};
 }
 
 }  // namespace isoskin

@@ -29,10 +29,10 @@ struct PlannedPatch {
 
 /// Erases the triangles `a` and `b`, two discs without a common vertex, and welds what is left. The border with more
 /// vertices loses its shortest edges, again and again, until both have as many; of all rotations of one border against
-/// the other the one with the least sum of squared distances is taken; each welded vertex lies in the middle between
-/// the two it was and keeps the id of that of `a`. Euler characteristic: -2. Nothing when a set is not a disc, a border
-/// has fewer than 3 vertices, two edges would become one that are no neighbours, or
-/// equalising would use up a piece of the mesh.
+/// the other the one with the least sum of squared distances is taken, or the next or next but one where two edges that
+/// are no neighbours would become one; each welded vertex lies in the middle between the two it was and keeps the id of
+/// that of `a`. Euler characteristic: -2. Nothing when a set is not a disc, a border has fewer than 3 vertices, none of
+/// the three rotations fits, or equalising would use up a piece of the mesh.
 PlannedPatch plan_blend(const TriangleMesh& mesh, const std::vector<Index>& a, const std::vector<Index>& b);
 
 }  // namespace isoskin
