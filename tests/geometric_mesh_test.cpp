@@ -174,6 +174,21 @@ TEST(GeometricMesh, ADropletHasItsVolumeThoughItsMeshIsPressedFlat) {
   EXPECT_NEAR(pieces.volume[0], volume, 0.05 * volume);
 }
 
+// Smoothing finds nothing beside it that would hold it.
+TEST(GeometricMesh, ADropletFoldedAsAWholeIsFilledAnew) {
+  const double radius = kEdge;
+  const auto field = std::make_shared<analytic::SphereField>(DVec3(0.0), radius);
+  TriangleMesh skin = test_meshes::icosphere(0);
+  for (Vec3& p : skin.vertices.position) p *= float(radius);
+  const Vec3 from = skin.position(skin.vertex[0]), to = skin.position(skin.vertex[1]);
+  skin.vertices.position[skin.vertex[0]] = float(radius) * glm::normalize(from + 1.3f * (to - from));
+  EXPECT_GT(count_self_intersections(make(field, skin, 0).mesh.mesh), 20u);
+  const GeometricMesh made = make(field, skin, 2).mesh;
+  expect_on_surface(made, *field, 1e-4);
+  EXPECT_EQ(count_self_intersections(made.mesh), 0u);
+  EXPECT_EQ(mesh_pieces(made.mesh).count(), 1u);
+}
+
 TEST(GeometricMesh, PiecesAtAPointAreLookedAtAndNoneIsSmoothedToOne) {
   const std::unique_ptr<Backend> backend = make_reference_backend();
   backend->set_field(std::make_shared<analytic::SphereField>(DVec3(0.0), 1.0));

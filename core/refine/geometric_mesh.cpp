@@ -87,18 +87,9 @@ public:
       if (report_.fillings == 0) report_.hidden = hidden.size();
       const bool many = report_.fillings < 2 && kFew * hidden.size() > report_.hidden;
       if (hidden.empty() || (!left_out && !many)) return;
-      copy_skin();
-      if (!far_) far_.emplace(field_, lattice_, tolerance_);
-      if (!filling_) filling_.emplace(lattice_, topology_, backend_);
-      const Index first_new = skin_->next_id;
-      const PlaceFillingReport done =
-          fill_places(*skin_, hidden, field_, lattice_, topology_, *far_, *filling_, backend_, filling());
+      const PlaceFillingReport done = fill_about(hidden, options_.radius / double(1 << report_.fillings));
       if (done.filled == 0) return;
       left_out = done.left_out > 0;
-      ++report_.fillings;
-      mend_seams(*skin_, first_new, lattice_.spacing, backend_, options_.project);
-      const FieldChanges none;
-      refine(&none);
     }
   }
 
@@ -117,6 +108,26 @@ public:
       crossings = tangles.take_back(*skin_, find_crossings(), newly_wrong(wrong), lattice_.spacing);
     }
     if (tangles.took_back()) refine(&none);
+  }
+
+  /// Fills what smoothing has not taken apart, with its surroundings, where that leaves fewer crossings once seams are
+  /// smoothed: a droplet may have folded as a whole, and a sheet about more than smoothing may move.
+  void fill_crossings() {
+    const Span span("fill crossings");
+    for (const double radius : {options_.radius, 2.0 * options_.radius}) {
+      const std::size_t before = find_crossings().size();
+      if (before == 0 || options_.fillings == 0) return;
+      const GeometricReport report = report_;
+      TriangleMesh kept;
+      copy_mesh(*skin_, kept);
+      if (fill_about(crossing_places(), radius).filled == 0) continue;
+      untangle();
+      if (find_crossings().size() < before) continue;
+      *skin_ = std::move(kept);
+      report_ = report;
+      const FieldChanges none;
+      refine(&none);
+    }
   }
 
   const std::vector<Crossing>& find_crossings() { return kept_.refined_.crossings(skin()); }
@@ -154,6 +165,32 @@ private:
     if (!skin_) copy_mesh(mechanical_, skin_.emplace());
   }
 
+  /// A large hole that was left out may fall apart when it is tried again with a smaller radius (units of e).
+  PlaceFillingReport fill_about(const std::vector<Vec3>& places, double radius) {
+    copy_skin();
+    if (!far_) far_.emplace(field_, lattice_, tolerance_);
+    if (!filling_) filling_.emplace(lattice_, topology_, backend_);
+    const Index first_new = skin_->next_id;
+    const PlaceFillingReport done =
+        fill_places(*skin_, places, field_, lattice_, topology_, *far_, *filling_, backend_, filling(radius));
+    if (done.filled == 0) return done;
+    ++report_.fillings;
+    mend_seams(*skin_, first_new, lattice_.spacing, backend_, options_.project);
+    const FieldChanges none;
+    refine(&none);
+    return done;
+  }
+
+  std::vector<Vec3> crossing_places() {
+    std::vector<Vec3> places;
+    for (const Crossing& crossing : find_crossings())
+      for (const Index t : {crossing.a, crossing.b}) {
+        const auto [p, q, r] = corners_of(skin(), t);
+        places.push_back((p + q + r) / 3.0f);
+      }
+    return places;
+  }
+
   std::vector<Vec3> hidden_places() const {
     std::vector<Vec3> hidden = kept_.wrong_.farther_than(hidden_corner_);
     const std::vector<Vec3> strays = kept_.refined_.strays();
@@ -175,10 +212,10 @@ private:
     return wrong.farther_than(distance);
   }
 
-  PlaceFillingOptions filling() const {
+  PlaceFillingOptions filling(double radius) const {
     PlaceFillingOptions filling;
     filling.edge_length = options_.edge_length;
-    filling.radius = options_.radius / double(1 << report_.fillings);  // a large hole that was left out falls apart
+    filling.radius = radius;
     filling.small_piece = options_.small_piece;
     filling.least_piece = options_.certify.least_piece;
     filling.project = options_.project;
@@ -211,6 +248,7 @@ void GeometricSkin::update(const TriangleMesh& mechanical, const Field& field, c
   if (options.refine.passes > 0) {
     making.fill();
     making.untangle();
+    making.fill_crossings();
   }
   making.find_crossings();
   making.take_back();

@@ -23,7 +23,8 @@ struct GeometricOptions {
   // first half as far.
   double radius = 1.0;
   std::size_t small_piece = 100;  // pieces of at most so many vertices are replaced whole
-  // Times this is done, each after the first only where the one before left places out; 0: never.
+  // Times this is done, each after the first only where the one before left places out; 0: never, nor are crossings
+  // that smoothing leaves filled.
   int fillings = 3;
   int untanglings = 8;         // times folds are smoothed, at most
   double smoothed_away = 0.4;  // that puts no lattice corner farther than this onto the wrong side, tolerances
@@ -39,9 +40,10 @@ struct GeometricReport {
 /// mesh, a thread that it cuts short and a sheet that it has folded into cannot be subdivided right: there a copy of
 /// the mechanical mesh is emptied and filled with the lattice's surface where that keeps the certificate (see
 /// fill_places), and the copy refined instead. Where refined triangles overlap, the copy's vertices are smoothed along
-/// the surface, seams of what was filled first (see untangle.h). Where refined vertices put a lattice corner beyond the
-/// tolerance on the wrong side, they go back onto the mesh they were refined from: nearby, then farther away, at last
-/// everywhere. Deterministic: no frame depends on those before it, but what they have in common is not made again.
+/// the surface, seams of what was filled first (see untangle.h); what that leaves is filled as well, where fewer
+/// remain. Where refined vertices put a lattice corner beyond the tolerance on the wrong side, they go back onto the
+/// mesh they were refined from: nearby, then farther away, at last everywhere. Deterministic: no frame depends on those
+/// before it, but what they have in common is not made again.
 class GeometricSkin {
 public:
   /// `field` is the one the backend holds and the lattice was sampled from; `changes`: from the last call's, null:
